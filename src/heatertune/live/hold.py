@@ -39,7 +39,7 @@ from heatertune.live.client.connection import Address, address_of, connect
 from heatertune.writing import write_files
 
 __all__ = ["HOST", "LATE_S", "RETRY_S", "WAY_BACK_SCHEMA", "Clock", "Hold", "WayBack", "WayBackPart", "new_way_back",
-           "state_folder", "utc_now"]
+           "state_folder", "utc_now", "where_of"]
 
 #: so long after it was sent a request may still arrive [s]: a reset stops the system's own retries, no gateway's
 LATE_S = 60.0
@@ -185,7 +185,7 @@ class Hold:
     def __init__(self, address: Address, clock: Clock | None = None) -> None:
         """Take a PLC; errors as `state_folder`."""
         self._address, self.clock = address, clock or HOST
-        name = hashlib.sha256(_where(address).encode()).hexdigest()[:16]
+        name = hashlib.sha256(where_of(address).encode()).hexdigest()[:16]
         self.path = state_folder() / f"plc-{name}.json"
         self._way_back: WayBack | None = None
         self._lost_s: float | None = None  # the latest request without an answer
@@ -437,7 +437,7 @@ def new_way_back(
                    begun=utc_now(), process=os.getpid(), power_pct=power_pct)
 
 
-def _where(address: Address) -> str:
+def where_of(address: Address) -> str:
     """Return where a PLC is, the same for every way to write its address."""
     if address.protocol == "as511":
         return f"line {os.path.realpath(address.host)}"

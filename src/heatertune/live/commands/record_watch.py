@@ -53,6 +53,8 @@ def add_record(commands: Any) -> None:
                               "s)")
     command.add_argument("--duration", dest="for_s", type=float, metavar="S", help="stop after this duration")
     command.add_argument("--append", action="store_true", help="continue an existing log")
+    command.add_argument("--service", action="store_true",
+                         help="run as a service: continue an existing log, and reopen it on SIGHUP (log rotation)")
     command.add_argument("--timeout", type=float, default=2.0, metavar="S",
                          help="time after which an answer counts as lost (default: 2)")
     printing.add_output_options(command, _run_record)
@@ -64,19 +66,21 @@ def _run_record(settings: argparse.Namespace) -> int:
     from heatertune.live.recorder import RecordingSetup, record
 
     address = address_of(settings.address)
-    how = RecordingSetup(every_s=settings.interval, for_s=settings.for_s, append=settings.append,
+    how = RecordingSetup(every_s=settings.interval, for_s=settings.for_s, append=settings.append or settings.service,
                          timeout_s=settings.timeout, pwm_period_s=_pwm_period_s(settings.design))
     places, begun = places_given(design=settings.design, map_file=settings.map), time.monotonic()
     if unended := Hold(address).message():
         tell(unended)
     shown_notes: list[str] = []
-    with asked_to_end() as asked:
+    signals = [name for name in _ENDING if not (settings.service and name == "SIGHUP")]
+    with asked_to_end(signals) as asked, asked_to_end(("SIGHUP",) if settings.service else ()) as hang_ups:
         def shown(so_far: RecordingState) -> None:
             show_notes(so_far, shown_notes)
             if not settings.quiet:
                 LINE.show(lambda: f"{live_line(so_far, time.monotonic() - begun)}; Ctrl-C ends it")
 
-        so_far = record(address, settings.out, places, how, shown=shown, ended=lambda: bool(asked))
+        so_far = record(address, settings.out, places, how, shown=shown, ended=lambda: bool(asked),
+                        reopened=lambda: bool(hang_ups) and hang_ups.pop() > 0)
     LINE.end()
     document = _document(settings, so_far)
     printing.output(settings, document, lambda: _lines(document))
@@ -131,7 +135,7 @@ def asked_to_end(signals: Sequence[str] = _ENDING) -> Iterator[list[int]]:
         number = getattr(signal, name, None)
         if number is not None and (name in ("SIGINT", "SIGTERM") or signal.getsignal(number) is not signal.SIG_IGN):
             before[number] = signal.signal(number, lambda number, _: asked.append(number))
-    if signals is not _ENDING:
+    if signals is ALL_SIGNALS:
         before |= {number: signal.signal(number, signal.SIG_IGN) for name in _IGNORED
                    if (number := getattr(signal, name, None)) is not None}
     try:

@@ -296,6 +296,7 @@ class _Watch:
             self._content, self._changed_s = look.content, self.seconds
         problem = reading_problem(seen, self._sensor_degC)
         problem = problem or ("" if math.isfinite(asked) else "the setpoint is not a number")
+        problem = problem or ("" if math.isfinite(self._power(look)) else "the power is not a number")
         self._unusable_row = self._unusable_row + 1 if problem else 0
         if problem:
             self._unusable += 1
@@ -362,7 +363,12 @@ class _Watch:
         """Return why the sensor is frozen; empty where it need not be, or where the block does not show the power."""
         if "power" not in self._peer.standing.block.signals:
             return ""
-        return self._still.see(self.seconds, degC, self._peer.standing.signal(look.content, "power"))
+        return self._still.see(self.seconds, degC, self._power(look))
+
+    def _power(self, look: BlockSnapshot) -> float:
+        """Return the power that the block shows [%]; 0 where it shows none."""
+        there = self._peer.standing
+        return there.signal(look.content, "power") if "power" in there.block.signals else 0.0
 
     def unsure(self) -> str:
         """Return why the whole watch shows nothing; empty where it shows that the words do well."""

@@ -268,6 +268,7 @@ class Peer(ClosesOnExit):
         address: of the PLC.
         standing: what is there.
         clock: of this machine.
+        moved: whether a look has shown anything else than the first one; if not, all may be a gateway's copy.
     """
 
     def __init__(self, address: Address, standing: BlockImage, interval_s: float,
@@ -284,6 +285,8 @@ class Peer(ClosesOnExit):
         self._link, self._client = link or LinkSettings(), None
         self.clock = self._link.clock
         self._simulated: bool | None = None
+        self._first: BlockSnapshot | None = None
+        self.moved = False
 
     _client: Client | None
 
@@ -311,7 +314,10 @@ class Peer(ClosesOnExit):
         told = self._told(client)
         seen = self.clock.now_s() if told is None else told.intervals * told.interval_s
         life = client.sign_of_life() if told is None else _NOTHING_TOLD
-        return BlockSnapshot(content, at.values(content), told, seen, life)
+        look = BlockSnapshot(content, at.values(content), told, seen, life)
+        first = self._first = self._first or look
+        self.moved = self.moved or content != first.content or look.is_new(first) is True
+        return look
 
     def _told(self, client: Client) -> SimulatorStatus | None:
         if self._simulated is False:

@@ -232,7 +232,7 @@ class Writer:
             LinkError: the PLC cannot be read.
         """
         if not self._hold.left_s:
-            return self._nothing_more(ended) if change.pending else ended
+            return self._nothing_more(change, ended) if change.pending else ended
         self._noted("waiting", told="a request may still arrive")
         try:
             while left_s := self._hold.left_s:
@@ -244,9 +244,12 @@ class Writer:
                 return None
         except KeyboardInterrupt:
             raise LinkDown("interrupted while a request without an answer may still arrive") from None
-        return self._nothing_more(ended)
+        return self._nothing_more(change, ended)
 
-    def _nothing_more(self, ended: WriteEnd) -> WriteEnd:
+    def _nothing_more(self, change: _Change, ended: WriteEnd) -> WriteEnd:
+        if change.pending and not self.peer.moved:
+            raise LinkDown(f"{', '.join(sorted(change.pending))} may have been taken, and nothing in the block has "
+                           "moved since: it may be a copy in a gateway")
         return replace(ended, message=f"{ended.message}; nothing more has arrived since")
 
     def _has_arrived(self, change: _Change, ended: WriteEnd) -> bool:
