@@ -17,7 +17,7 @@ from heatertune import chain
 from heatertune.cli import printing
 from heatertune.cli.printing import LINE, can_take
 from heatertune.errors import HeatertuneError, InputError
-from heatertune.live.client.connection import address_of
+from heatertune.live.client.connection import Address, address_of
 
 if TYPE_CHECKING:
     from heatertune.live.loop_watch import BandWatch, OnlineMonitor
@@ -62,15 +62,13 @@ def add_record(commands: Any) -> None:
 
 def _run_record(settings: argparse.Namespace) -> int:
     from heatertune.live.controller_block import places_given
-    from heatertune.live.hold import Hold
     from heatertune.live.recorder import RecordingSetup, record
 
     address = address_of(settings.address)
     how = RecordingSetup(every_s=settings.interval, for_s=settings.for_s, append=settings.append or settings.service,
                          timeout_s=settings.timeout, pwm_period_s=_pwm_period_s(settings.design))
     places, begun = places_given(design=settings.design, map_file=settings.map), time.monotonic()
-    if unended := Hold(address).message():
-        tell(unended)
+    _tell_unended(address)
     shown_notes: list[str] = []
     signals = [name for name in _ENDING if not (settings.service and name == "SIGHUP")]
     with asked_to_end(signals) as asked, asked_to_end(("SIGHUP",) if settings.service else ()) as hang_ups:
@@ -80,11 +78,19 @@ def _run_record(settings: argparse.Namespace) -> int:
                 LINE.show(lambda: f"{live_line(so_far, time.monotonic() - begun)}; Ctrl-C ends it")
 
         so_far = record(address, settings.out, places, how, shown=shown, ended=lambda: bool(asked),
-                        reopened=lambda: bool(hang_ups) and hang_ups.pop() > 0)
+                        reopened=lambda: hang_ups.pop() > 0 if hang_ups else False)
     LINE.end()
     document = _document(settings, so_far)
     printing.output(settings, document, lambda: _lines(document))
     return 1 if so_far.notes else 0
+
+
+def _tell_unended(address: Address) -> None:
+    """Show on stderr what has not ended on a PLC."""
+    from heatertune.live.hold import Hold
+
+    if unended := Hold(address).message():
+        tell(unended)
 
 
 def show_notes(so_far: RecordingState, shown: list[str]) -> None:

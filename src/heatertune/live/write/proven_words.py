@@ -234,12 +234,15 @@ def _moves(looks: tuple[BlockSnapshot, BlockSnapshot]) -> Check:
     name = "CPU"
     if runs(second) is False:
         return Check(name, False, "is in STOP")
-    new = second.is_new(first)
-    if second.status is None or first.status is None:
-        moved = first.content != second.content if new is None else new
-        return Check(name, True if moved or runs(second) else None, "the block moves" if moved else "says that it runs"
-                     if runs(second) else "nothing in the block moved in two scans: look whether it runs")
-    return Check(name, new, "runs, a simulator" if new else "says that it runs, but no scan came")
+    if second.status is not None and first.status is not None:
+        new = second.is_new(first)
+        return Check(name, new, "runs, a simulator" if new else "says that it runs, but no scan came")
+    told = second.is_new(first)
+    if first.content != second.content if told is None else told:
+        return Check(name, True, "the block moves")
+    if runs(second):
+        return Check(name, True, "says that it runs")
+    return Check(name, None, "nothing in the block moved in two scans: look whether it runs")
 
 
 def interval_found(standing: BlockImage, look: BlockSnapshot, said: Declared) -> tuple[float | None, str]:

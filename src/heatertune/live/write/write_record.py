@@ -182,7 +182,7 @@ def _lines_of(path: Path) -> list[str]:
 
 
 class Budget:
-    """The count of one block of one PLC, however its address is written; releases before 0.12 counted by the address.
+    """The count of one block of one PLC, however its address is written; earlier releases counted by the text of it.
 
     Attributes:
         path: of its file.

@@ -5,7 +5,7 @@ Nothing is written twice because an answer was lost: the PLC is asked what stand
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
@@ -93,6 +93,13 @@ class _Change:
     def is_written(self, name: str, value: Number) -> bool:
         """Return whether a word stands there as this change left it."""
         return value == self.after[name] or (name in self.stored and value == self.stored[name])
+
+    def left_of(self, names: Iterable[str], found: Values) -> list[str]:
+        """Return which words stand there as written though they were put back, and take note of neither side's."""
+        left = [name for name in names if self.is_written(name, found[name])]
+        self.stored.update({name: found[name] for name in names
+                            if name not in left and found[name] != self.before[name]})
+        return left
 
     @property
     def names(self) -> list[str]:
@@ -355,22 +362,7 @@ class Writer:
         self._noted("taking back", why=why)
         problems = list[str]()
         for part in reversed(change.parts):
-            look = self.peer.look()
-            mine = {name: change.before[name] for name in part.names if change.is_written(name, look.values[name])}
-            for back in self._standing.parts(look.content, mine):
-                change.tried.add(part.names)
-                change.pending.difference_update(part.names)
-                try:
-                    self._put(back, change, back=True)
-                except _STOPS as stopped:
-                    problems.append(_why(stopped))
-            found = self.peer.look().values if mine else look.values
-            change.stored.update({name: found[name] for name in mine if found[name] != change.before[name]
-                                  and not change.is_written(name, found[name])})  # it keeps neither side's
-            if unseen := [name for name in mine if change.is_written(name, found[name])]:
-                if not self._hold.left_s:
-                    continue
-                problems.append(f"{', '.join(unseen)}: accepted, and not there yet")
+            if not self._put_back(part, change, problems):
                 break  # an earlier part would meet it out of turn
         look = self.peer.later(self.peer.look(), _SCANS)
         self._noted("read back", again=True, **look.to_document())
@@ -385,6 +377,29 @@ class Writer:
         if not change.tried:
             return WriteEnd(WriteOutcome.NOT_DONE, f"{why}; nothing that was written stands there{seen}", look.values)
         return WriteEnd(WriteOutcome.ROLLED_BACK, f"{why}; what was written is taken back{seen}", look.values)
+
+    def _put_back(self, part: WritePart, change: _Change, problems: list[str]) -> bool:
+        """Put back the words of a part that stand there as written; return whether they are, as far as that is known.
+
+        Args:
+            part: that was written.
+            change: it is part of.
+            problems: that are met are added.
+        """
+        look = self.peer.look()
+        mine = {name: change.before[name] for name in part.names if change.is_written(name, look.values[name])}
+        for back in self._standing.parts(look.content, mine):
+            change.tried.add(part.names)
+            change.pending.difference_update(part.names)
+            try:
+                self._put(back, change, back=True)
+            except _STOPS as stopped:
+                problems.append(_why(stopped))
+        found = self.peer.look().values if mine else look.values
+        if not (unseen := change.left_of(mine, found)) or not self._hold.left_s:
+            return True
+        problems.append(f"{', '.join(unseen)}: accepted, and not there yet")
+        return False
 
     def _noted(self, step: str, **what: Any) -> None:
         """Record a step of taking back, which is made even where it cannot be recorded."""
