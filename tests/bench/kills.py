@@ -20,11 +20,11 @@ from pathlib import Path
 
 from heatertune import Fopdt, model_by_hand, virtual_plc
 from heatertune.cli import main as run_here
-from heatertune.live import plc_state, recorder
+from heatertune.live import hold, recorder
 from heatertune.live.client.connection import address_of
 from heatertune.live.controller_block import places_of
 from heatertune.live.experiment import restore
-from heatertune.live.plc_state import PlcState
+from heatertune.live.hold import Hold
 from heatertune.live.serve import read_folder
 from heatertune.live.write.write_record import Budget, read_lines
 from heatertune.log.cells import read_sheet
@@ -97,13 +97,13 @@ def of_experiment(begun, folder, place, kills, chance):
         while not plc.plc.memory.image()[CELLS][1] & AUTOMATIC:  # the dead man
             pass
         where = address_of(plc.urls["s7"])
-        assert PlcState(where).way_back() is not None
+        assert Hold(where).way_back() is not None
         again = subprocess.run(line, capture_output=True, text=True, check=False)
         assert again.returncode == 2
         assert "has not ended" in again.stderr
         assert restore(where) is True
         assert plc.plc.memory.image()[CELLS] == before
-        assert PlcState(where).way_back() is None
+        assert Hold(where).way_back() is None
         plc.close()
 
 
@@ -180,7 +180,7 @@ def of_write(made, kills, chance, begun=virtual_plc):
             assert stands == {**stands, **OLD}
         else:
             said = told(*here.line[:3])[1]
-            assert (f"a write that never ended: heatertune rollback {here.record}" in said) == (not read_lines(here.record).complete)
+            assert (f"bring back what stood there before: heatertune rollback {here.record}" in said) == (not read_lines(here.record).complete), said
             here.put_back(ended)
         here.plc.close()
     return died
@@ -255,7 +255,7 @@ def main(kills=30, seed=1, *names):
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
         os.environ["HEATERTUNE_STATE"] = str(place / "state")
-        plc_state.LATE_S = 0.3
+        hold.LATE_S = 0.3
         design = place / "design"
         design.mkdir()
         write_design(design)

@@ -26,7 +26,7 @@ import numpy as np
 from heatertune import virtual_plc
 from heatertune.cli import main as command
 from heatertune.errors import LinkError
-from heatertune.live import plc_state, recorder
+from heatertune.live import hold, recorder
 from heatertune.live.client.connection import address_of
 from heatertune.live.controller_block import places_of
 from heatertune.live.plc import fault_of
@@ -45,8 +45,14 @@ RATE = 3100.0
 ALWAYS = "t=1e9 cut"
 LINK = LinkSettings(tries=3, pause_s=0.004, timeout_s=0.05)
 OF_LINK = ("cut", "black-hole", "lost-reply", "late-reply=2", "late-reply=40", "torn")
+#: a gateway between, which keeps, repeats, overtakes, or answers from a copy
+OF_GATEWAY = ("late-request=30", "late-request=5", "duplicate=20", "reordered=25", "cached=25", "cached=3")
+#: a device that keeps something else than was written
+OF_DEVICE = ("half-taken", "clamped=60")
 OF_PEOPLE = ("cpu-stop", "db-missing", "db-short", "write-protected")
-MAY_HIDE = ("cut", "black-hole", "lost-reply", "late-reply", "db-missing", "db-short")
+MAY_HIDE = ("cut", "black-hole", "lost-reply", "late-reply", "db-missing", "db-short", "late-request", "duplicate", "reordered", "cached")
+#: names of those that keep what was sent
+LATE = ("late-request", "duplicate", "reordered", "cached")
 OF_PLANT = ("sensor-off", "heater-open", "stuck-on", "sensor-frozen", "ambient=30")
 
 
@@ -192,7 +198,7 @@ def is_stable(words, kind=OB251, scan_s=TA_S):
 
 
 class Witness:
-    """What happens in a PLC's memory, in order: ("read", part, image), ("client", start, bytes, image), ("other", image).
+    """What happens in a PLC's memory, in order: ("read", part, image), ("client", start, bytes, image), ("late", start, bytes, image), ("other", image).
 
     `shown` has what stood there to be recorded after each scan, and until the next one; `scan_s` is how long one is [s].
     """
@@ -202,9 +208,9 @@ class Witness:
         self.events, self.times, self.shown = [], [], collections.defaultdict(set)
         self._memory, self._plc, self._kind = memory, plc, kind
         self._armed, self._requests, self._scan = list(armed), 0, 0
-        self._read, self._write, self._put = memory.read, memory.write, memory.write_changes
+        self._read, self._write, self._put, self._carry_out = memory.read, memory.write, memory.write_changes, memory.carry_out
         with memory.changed:  # scans may have been run before there was a witness
-            memory.read, memory.write, memory.write_changes = self.read, self.write, self.put
+            memory.read, memory.write, memory.write_changes, memory.carry_out = self.read, self.write, self.put, self.carry_out
             own = SimulatorStatus(self._read(OWN, 0, OWN_LENGTH))
             self._scan, self.scan_s = own.shown, own.interval_s
             self._seen()
@@ -243,6 +249,11 @@ class Witness:
             if number == self._memory.main:
                 self._happened("client", start, bytes(content), self._seen())
 
+    def carry_out(self, start, content):
+        with self._memory.changed:
+            self._carry_out(start, content)
+            self._happened("late", start, bytes(content), self._seen())
+
     def put(self, before, after, part=slice(None), *, scan_of=None):
         with self._memory.changed:
             was = words_in(self._memory.image(), self._kind)
@@ -256,7 +267,7 @@ def drawn(chance, kind, most):
     """Return what goes wrong: on a timetable, and (number of the request, fault), which begins with that request."""
     timed, armed = [], []
     for _ in range(chance.choice((0, 1, 1, 2, 3))):
-        name = chance.choice(chance.choice((OF_LINK, OF_LINK, OF_PEOPLE + kind.people, OF_PEOPLE + kind.people, OF_PLANT)))
+        name = chance.choice(chance.choice((OF_LINK, OF_GATEWAY, OF_GATEWAY, OF_PEOPLE + kind.people, OF_PEOPLE + kind.people, OF_PLANT, OF_DEVICE)))
         lasts = 1e9 if chance.random() < 0.3 else 10 ** chance.uniform(0.5, 2.8)
         if chance.random() < 0.25:
             timed.append(f"t={(begin := chance.uniform(6.0, 400.0)):.1f} {name} until={begin + lasts:.1f}")
@@ -344,12 +355,15 @@ def session(target, protocol, made, chance, place):
         done = apply_write(wanted, proven.yes)
         for log in logs:
             log.end()
+        if any(fault.name in LATE for fault in faults):  # what a gateway keeps has arrived, or is to arrive never
+            plc.plc.wait(hold.LATE_S)
         with plc.plc.memory.changed:
             events, times = witness.events[begun:], witness.times[begun:]
             last = words_in(plc.plc.memory.image(), kind)
     after = {**before, **{n: v for n, v in proven.words.values.items() if n in before}}
     story = Story(kind, witness.scan_s, done, before, after, events, last, faults)
-    wrong = [*judged(story), *(one for log in logs for one in log.judged(witness.shown, witness.scan_s))]
+    wrong = [*judged(story), *(one for log in logs for one in log.judged(witness.shown, witness.scan_s)
+                                  if not any(fault.name == "cached" for fault in faults))]  # a copy is of another scan
     took = {"rows": sum(log.rows for log in logs), **took_back(story, done, times)}
     said = f"{target} {protocol} {timed} {armed}: {done.end.outcome}"
     return done.end.outcome.value, took, [f"{said}: {one}; {done.end.message}" for one in wrong]
@@ -409,19 +423,21 @@ def judged(story):  # noqa: C901, PLR0912 - a list of what must hold
     outcome, told = done.end.outcome.value, done.end.stands
     others = collections.defaultdict(set)
     was, mine, looked, alone = dict(before), {}, False, True
+    device = any(fault.name in ("half-taken", "clamped") for fault in story.faults)
+    gateway = any(fault.name in LATE for fault in story.faults)
     for event in story.events:
         now = words_in(event[-1], kind)
         if story.looks(event):
             looked = True
-        elif event[0] == "client":
-            if not looked:
+        elif event[0] in ("client", "late"):
+            if not looked and event[0] == "client":
                 yield f"a write of {event[2].hex()} at byte {event[1]} without a look before it"
-            looked = False
+            looked = looked and event[0] == "late"
             changed = {name for name in now if now[name] != was[name]}
             mine |= {name: now[name] for name in changed}
-            if wrong := [name for name in changed if now[name] not in {before[name], after[name]} | others[name]]:
+            if wrong := [name for name in changed if not device and now[name] not in {before[name], after[name]} | others[name]]:
                 yield f"{wrong} were given values of neither side"
-            if alone and now != before and not is_stable(now, kind, story.scan_s):  # as it was found may be somebody's, and none of ours
+            if alone and not device and now != before and not is_stable(now, kind, story.scan_s):  # as it was found may be somebody's, and none of ours
                 yield f"an unstable set of words in between: {now}"
         elif event[0] == "other":
             alone = False
@@ -431,16 +447,18 @@ def judged(story):  # noqa: C901, PLR0912 - a list of what must hold
                     mine.pop(name, None)
         was = now
     looks = [event for event in story.events if story.looks(event)]
-    if told is not None and any(told[name] != words_in(looks[-1][-1], kind)[name] for name in before):
+    if told is not None and not others and any(told[name] != last[name] for name in before) and outcome != "unknown":
+        yield f"said to stand there: {told}; in the end: {last}"
+    if told is not None and not gateway and any(told[name] != words_in(looks[-1][-1], kind)[name] for name in before):
         yield f"said to stand there: {told}; read last: {words_in(looks[-1][-1], kind)}"
     if outcome != "unknown" and told is None and mine:
         yield "words were changed, and nothing is said of what stands there"
     if "nothing was sent" in done.end.message and any(event[0] == "client" for event in story.events):
         yield "something was sent"
-    if outcome == "done" and any(words_in(looks[-1][-1], kind)[name] != after[name] for name in before):
+    if outcome == "done" and not gateway and any(words_in(looks[-1][-1], kind)[name] != after[name] for name in before):
         yield f"done, but there stands {words_in(looks[-1][-1], kind)}"
     for name in before:
-        if last[name] not in {before[name], after[name]} | others[name]:
+        if not (device and outcome in ("partly done", "unknown")) and last[name] not in {before[name], after[name]} | others[name]:
             yield f"{name} = {last[name]} is nobody's"
         if outcome in ("not done", "rolled back") and name in mine and mine[name] == last[name] == after[name] != before[name]:
             yield f"{name} = {last[name]} was left behind"
@@ -513,7 +531,7 @@ def run(sessions, seed, place, told=print, path=None):
     place, made = Path(place), {}
     os.environ["HEATERTUNE_STATE"] = str(place / "state")
     recorder._PAUSES_S = (0.0, 0.002, 0.01)  # time goes fast here
-    plc_state.LATE_S, writer._PAUSE_S = 0.1, 0.02
+    hold.LATE_S, writer._PAUSE_S = 0.4, 0.02
     figures = Figures.begun(path)
     for number in range(figures.done, sessions):
         begun, chance = time.monotonic(), random.Random(f"{seed} {number}")

@@ -11,6 +11,7 @@ import pytest
 
 from heatertune import Fopdt, Scaling, model_by_hand, virtual_plc
 from heatertune.cli import main
+from heatertune.live.hold import HOST, Clock
 from heatertune.live.simulator_status import OWN, OWN_LENGTH, SimulatorStatus
 from heatertune.pid.values import PidDesign
 from heatertune.plc import controller_for
@@ -33,6 +34,12 @@ _NEEDED = {"s7": True, "modbus": True, "opcua": UA_ERRORS, "as511": find_spec("s
 PROTOCOLS = [pytest.param(name, marks=[pytest.mark.skipif(not there, reason=f"what {name} needs is not installed"),
                                        *([pytest.mark.long] if name == "opcua" else [])])
              for name, there in _NEEDED.items()]
+
+def hasty_clock():
+    """Return a clock on which waiting takes no time, and counts all the same."""
+    slept = [0.0]
+    return Clock(lambda: HOST.now_s() + slept[0], lambda seconds: slept.append(slept.pop() + seconds))
+
 
 #: of OB251's block
 DB, LENGTH = 30, 98

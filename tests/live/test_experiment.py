@@ -19,7 +19,7 @@ from heatertune import InputError
 from heatertune.cli import main
 from heatertune.errors import DocumentError, OutOfRange
 from heatertune.live.experiment import Experiment, ExperimentObserver, restore
-from heatertune.live.plc_state import PlcState
+from heatertune.live.hold import Hold
 from heatertune.live.schedule import AbortLimits, Aims, RelaySchedule, Steps, read_plan
 from heatertune.model.statistics import Interval
 
@@ -30,7 +30,7 @@ WARM = AbortLimits(temperature_degC=90.0)
 
 @pytest.fixture(autouse=True)
 def gateways_keep_nothing_for_long(monkeypatch):
-    monkeypatch.setattr("heatertune.live.plc_state.LATE_S", 0.3)
+    monkeypatch.setattr("heatertune.live.hold.LATE_S", 0.3)
 
 
 def cells(plc):
@@ -67,7 +67,7 @@ def test_a_plan_is_run_and_all_is_given_back(by_hand, tmp_path):
     ended, _ = ran(plc, words, tmp_path, protocol=protocol)
     assert (ended.reason, ended.restored) == ("plan", True)
     assert plc.plc.memory.image()[part] == before
-    assert PlcState(way(plc, protocol)).way_back() is None
+    assert Hold(way(plc, protocol)).way_back() is None
     rows = rows_of(tmp_path / "log.csv")
     after_s = rows[:, 0] - rows[0, 0]
     for begins, ends, power in ((70.0, 100.0, 0.0), (200.0, 500.0, 60.0), (600.0, 890.0, 20.0)):
@@ -117,7 +117,7 @@ def test_a_host_that_is_silent_is_followed_by_the_dead_man_and_the_next_start_gi
 
     whole = Experiment(PLAN, way(plc, protocol), words, WARM, timeout_s=2.0)
     whole.check()
-    whole.mode.give_back = lambda *_: None  # a host that is dead does nothing
+    whole.hold.bring_back = lambda *_: None  # a host that is dead does nothing
     with pytest.raises(Dead):
         whole.run(tmp_path / "log.csv", watching=ExperimentObserver(on_row=dies))
     while block.in_manual(plc.plc.memory.image()):
@@ -157,7 +157,7 @@ def test_what_goes_wrong_ends_it(served, words, tmp_path, fault, why):
     assert ended.reason in why, ended
     assert ended.restored, ended
     assert cells(plc) == before
-    assert PlcState(way(plc, "s7")).way_back() is None
+    assert Hold(way(plc, "s7")).way_back() is None
 
 
 def test_a_rate_that_is_too_fast_ends_it(served, words, tmp_path):
@@ -312,15 +312,18 @@ def test_killed_at_any_moment_the_dead_man_acts_and_the_next_start_gives_back(se
 
 
 @pytest.mark.parametrize(("field", "value"), [
-    ("before", "zz"), ("block", "x"), ("start", None), ("own", ["00"]), ("address", "x"), ("process", None), ("schema", "other")])
+    ("before", "zz"), ("block", "x"), ("start", None), ("own", ["00"]), ("address", "x"), ("process", None), ("schema", "heatertune/way-back/1"),
+    ("parts", 1), ("sent_s", "x")])
 def test_a_damaged_way_back_is_told(served, field, value):
     where = way(served(), "s7")
-    state = PlcState(where)
-    document = {"schema": "heatertune/way-back/1", "address": where.text, "block": 30, "start": 22, "before": "00210000",
-                "own": ["00200000"], "power_pct": 10.0, "log": "log.csv", "begun": "2026-11-26", "process": 1, "sent_at": None}
+    state = Hold(where)
+    part = {"start": 22, "before": "00210000", "own": ["00200000"]}
+    document = {"schema": "heatertune/way-back/2", "command": "experiment", "address": where.text, "block": 30, "parts": [part],
+                "power_pct": 10.0, "record": "log.csv", "begun": "2026-11-26", "process": 1, "sent_s": None}
+    (part if field in part else document)[field] = value
     state.path.parent.mkdir(parents=True, exist_ok=True)
-    state.path.write_text(json.dumps(document | {field: value}))
+    state.path.write_text(json.dumps(document))
     with pytest.raises((DocumentError, InputError)):
         restore(where)
     assert state.path.exists()
-    state.forget()
+    state.path.unlink()

@@ -6,6 +6,7 @@ import struct
 
 import pytest
 from tests.bench import sessions
+from tests.live.conftest import hasty_clock
 
 from heatertune.errors import InputError
 from heatertune.live.client.connection import address_of
@@ -36,7 +37,7 @@ class Loop:
 
     def __init__(self, proven, shows, counter=False):
         self.standing = block_image(proven.words, address_of("modbus://127.0.0.1:1/1"), proven.view.stated_settings)
-        self._shows, self._number, self._counter = shows, 0, counter
+        self._shows, self._number, self._counter, self.clock = shows, 0, counter, hasty_clock()
 
     def look(self):
         degC, power = self._shows(STEP_S * self._number)

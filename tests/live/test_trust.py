@@ -8,11 +8,10 @@ import hashlib
 import json
 import shutil
 import struct
-import time
-from types import SimpleNamespace
 
 import pytest
 from tests.bench import sessions
+from tests.live.conftest import hasty_clock
 from tests.live.modbus_device import Device
 
 from heatertune.cli import main
@@ -33,7 +32,7 @@ def made(tmp_path_factory):
 def own_state(tmp_path, monkeypatch):
     monkeypatch.setenv("HEATERTUNE_STATE", str(tmp_path / "state"))
     # the device has moved at the next look: nobody waits two scans of 3 s
-    monkeypatch.setattr("heatertune.live.write.plc_block.time", SimpleNamespace(sleep=lambda _: None, monotonic=time.monotonic))
+    monkeypatch.setattr("heatertune.live.write.plc_block.HOST", hasty_clock())
 
 
 def documents(folder):

@@ -28,9 +28,9 @@ from tests.live.conftest import CONDITIONS
 from heatertune import virtual_plc
 from heatertune.cli import main
 from heatertune.errors import DocumentError
-from heatertune.live import plc_state
+from heatertune.live import hold
 from heatertune.live.client.connection import address_of
-from heatertune.live.plc_state import PlcState, WayBack
+from heatertune.live.hold import HOST, Hold, WayBack, WayBackPart
 from heatertune.live.serve import read_folder
 from heatertune.live.write.apply import NoOrder, in_order
 from heatertune.live.write.band import Band, Reach, _Watch, carried_s
@@ -53,7 +53,7 @@ def made(tmp_path_factory):
 @pytest.fixture(autouse=True)
 def own_state(tmp_path, monkeypatch, made):
     monkeypatch.setenv("HEATERTUNE_STATE", str(tmp_path / "state"))
-    monkeypatch.setattr("heatertune.live.plc_state.LATE_S", 0.3)
+    monkeypatch.setattr("heatertune.live.hold.LATE_S", 0.3)
     # proven once: a plant that runs 1,500 times as fast does not wait for it
     monkeypatch.setattr("heatertune.live.write.proven_words.repeat_proof", lambda path, progress=str: (
         repeated(path) if made in path.parents else repeat_proof(path, progress=progress)))
@@ -481,9 +481,9 @@ def test_an_experiment_that_has_not_ended_is_told_and_nothing_is_written(plant, 
     before, mode = here.words, here.served.plc.memory.image()[22:26]
     address = address_of(here.address)
     here.served.plc.memory.write(30, 22, bytes.fromhex("00200700"))
-    state = PlcState(address)
-    state.keep(WayBack(address=here.address, number=30, start=22, before=mode, own={bytes.fromhex("00200700")}, power_pct=90.0, log="x.csv",
-                       begun="2026-11-26T20:00:00+00:00", process=4711))
+    state = Hold(address)
+    state.open(WayBack(command="experiment", address=here.address, number=30, parts=(WayBackPart(22, mode, {bytes.fromhex("00200700")}),),
+                       power_pct=90.0, record="x.csv", begun="2026-11-26T20:00:00+00:00", process=4711))
     told, named = "an experiment begun 2026-11-26T20:00:00+00:00 (process 4711) has not ended", f"experiment --restore {here.address}"
 
     def said():
@@ -514,7 +514,7 @@ def test_an_experiment_that_has_not_ended_is_told_and_nothing_is_written(plant, 
 @pytest.mark.parametrize("held_s", [2.0, 60.0])
 def test_a_write_that_a_gateway_keeps_is_taken_back_when_it_arrives(plant, monkeypatch, capsys, held_s):
     """Of three parts the second is kept: the first is taken back at once, the second when it arrives; 60 s: never."""
-    monkeypatch.setattr(plc_state, "LATE_S", 4.0)
+    monkeypatch.setattr(hold, "LATE_S", 4.0)
     here = plant(faults="t=1e9 cut")
     memory, plc, count, fault = here.served.plc.memory, here.served.plc, [0], sessions.fault_of("t=0 lost-reply")
     write, timers = memory.write, []
@@ -545,16 +545,18 @@ def test_a_write_that_a_gateway_keeps_is_taken_back_when_it_arrives(plant, monke
 
 def test_a_write_without_an_answer_holds_up_the_next_one_until_it_can_arrive_no_longer(plant, monkeypatch, capsys):
     here = plant()
-    state = PlcState(address_of(here.address))
-    monkeypatch.setattr(plc_state, "LATE_S", 30.0)
-    state.send()
+    state = Hold(address_of(here.address))
+    monkeypatch.setattr(hold, "LATE_S", 30.0)
+    state.open(WayBack(command="write", address=here.address, number=30, parts=(), record="x", begun="", process=1, sent_s=HOST.now_s()))
+    state.close()
     assert here.write("--no-watch") == 2
     assert "an earlier request has no answer, and a gateway may still pass it on: again in" in capsys.readouterr().err
     assert here.words == {**here.words, **OLD}
-    monkeypatch.setattr(plc_state, "LATE_S", 0.0)
+    monkeypatch.setattr(hold, "LATE_S", 0.0)
     assert here.write("--no-watch") == 0
-    monkeypatch.setattr(plc_state, "LATE_S", 30.0)
-    assert state.late_left_s() == 0.0  # answered
+    monkeypatch.setattr(hold, "LATE_S", 30.0)
+    assert state.stored_left_s == 0.0  # answered
+    assert not state.path.exists()
 
 
 @pytest.mark.long

@@ -37,7 +37,7 @@ SETPOINTS = dict.fromkeys(("omron-e5cc", "jumo-dicon"), ("48", "50"))
 @pytest.fixture(autouse=True)
 def own_state(tmp_path, monkeypatch):
     monkeypatch.setenv("HEATERTUNE_STATE", str(tmp_path / "state"))
-    monkeypatch.setattr("heatertune.live.plc_state.LATE_S", 0.3)
+    monkeypatch.setattr("heatertune.live.hold.LATE_S", 0.3)
 
 
 @pytest.fixture(scope="session")

@@ -134,7 +134,10 @@ class BlockMemory:
         main: number of the controller's block.
         missing, protected: whether the controller's block is not there, or cannot be written.
         length: of the controller's block as clients see it [bytes].
+        gateway: what stands between clients and the controller's block; None: nothing.
     """
+
+    gateway: Any = None
 
     def __init__(self, main: int, content: bytes, interval_s: float, also: Mapping[int, int] | None = None) -> None:
         """Lay out the blocks.
@@ -168,7 +171,10 @@ class BlockMemory:
     def read(self, number: int, start: int, count: int) -> bytes:
         """Return bytes of a block, for a client; raise `Refusal` where the PLC would refuse."""
         with self.changed:
-            return bytes(self._block(number, start, count)[start : start + count])
+            block: bytes | bytearray = self._block(number, start, count)
+            if self.gateway is not None and block is self._blocks[self.main]:
+                block = self.gateway.read(block)
+            return bytes(block[start : start + count])
 
     def write(self, number: int, start: int, content: bytes) -> None:
         """Write bytes of a block, all of them or none, for a client; raise `Refusal` where the PLC would refuse."""
@@ -176,7 +182,17 @@ class BlockMemory:
             block = self._block(number, start, len(content))
             if self.protected and block is self._blocks[self.main]:
                 raise Refusal(Access.PROTECTED)
-            block[start : start + len(content)] = content
+            if self.gateway is None or block is not self._blocks[self.main]:
+                block[start : start + len(content)] = content
+            else:
+                for at, arriving in self.gateway.write(block, start, content):
+                    block[at : at + len(arriving)] = arriving
+            self.changed.notify_all()
+
+    def carry_out(self, start: int, content: bytes) -> None:
+        """Write bytes of the controller's block that a client sent earlier."""
+        with self.changed:
+            self._blocks[self.main][start : start + len(content)] = content
             self.changed.notify_all()
 
     def _block(self, number: int, start: int, count: int) -> bytearray:

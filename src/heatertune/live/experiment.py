@@ -2,27 +2,26 @@
 
     checked → armed (previous mode and manual value saved on disk) → running → ended (both restored)
 
-The plan, a limit, a sensor fault, a lost link, a key press or an intervention from elsewhere ends it, always with the
-same restoration. If the host dies, the PLC's own watchdog restores, and the next command for this PLC finds the saved
-values in the user's state folder.
+The plan, a limit, a sensor fault, a lost link, a key press, a machine that slept or an intervention from elsewhere ends
+it, always with the same restoration. If the host dies, the PLC's own watchdog restores, and the next command for this
+PLC finds the saved values: see `heatertune.live.hold`.
 """
 
 from __future__ import annotations
 
 import math
-import os
-import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from threading import Thread
 from typing import Final
 
-from heatertune.errors import HeatertuneError, InputError, LinkDown, LinkError, PlcRefused
-from heatertune.live.client.connection import Address, Client, address_of, connect, told_by
+from heatertune.errors import HeatertuneError, InputError, LinkError
+from heatertune.live.client.connection import Address, Client, connect, told_by
 from heatertune.live.controller_block import SERVED, ServedBlock, block_for, places_of
-from heatertune.live.plc_state import PlcState, WayBack, late_left_s, utc_now
+from heatertune.live.hold import Hold, WayBack, WayBackPart, new_way_back
 from heatertune.live.poller import Snapshot, StillSensor
 from heatertune.live.recorder import RecordingSetup, RecordingState, record
 from heatertune.live.schedule import RATE_ROWS, AbortLimits, Aims, RelaySchedule, Steps
@@ -32,13 +31,7 @@ from heatertune.model.values import FittedModel, HeaterModel
 from heatertune.plc import Words, controller_for
 from heatertune.plc.keyed_entry import value_texts
 
-__all__ = ["RETRY_S", "Experiment", "ExperimentObserver", "ExperimentResult", "ManualMode", "give_back", "restore"]
-
-
-#: so long a dead link is tried again [s]
-RETRY_S = 60.0
-#: before each look; the last one for all that follow [s]
-_PAUSES_S: Final = (0.0, 0.2, 0.5, 1.0, 2.0)
+__all__ = ["Experiment", "ExperimentObserver", "ExperimentResult", "ManualMode", "restore"]
 
 
 class ManualMode:
@@ -90,12 +83,6 @@ class ManualMode:
         """Return the cells in manual with a power, all else in them as before."""
         return self.block.put_in_manual(bytes(self._with(before)), power_pct)[1]
 
-    def give_back(
-        self, way_back: WayBack, progress: Callable[[str], object], enough: Callable[[], bool]
-    ) -> bool | None:
-        """Bring back what stood there; see `give_back`."""
-        return give_back(self.address, way_back, self._timeout_s, progress, enough)
-
     def after_dead_man(self, put: bytes) -> bytes:
         """Return the cells as the PLC's dead man leaves them behind a put."""
         image = self._with(put)
@@ -108,65 +95,6 @@ class ManualMode:
         _, start, count = self.place
         image[start : start + count] = cells
         return image
-
-
-def give_back(
-    address: Address, way_back: WayBack, timeout_s: float, progress: Callable[[str], object] = str,
-    enough: Callable[[], bool] = lambda: False,
-) -> bool | None:
-    """Bring back mode and manual value where what stands there is the experiment's, or of the PLC's dead man after it.
-
-    Each look is made on a connection of its own. Where the latest request of the experiment has no answer, the cells
-    are looked at until `heatertune.live.plc_state.LATE_S` after it: a gateway may still pass it on.
-
-    Args:
-        address: of the PLC.
-        way_back: what stood there.
-        timeout_s: after which an answer is lost [s].
-        progress: told why this takes long.
-        enough: asked between two looks whether somebody wants no more of them.
-
-    Returns:
-        Whether what stood there stands there again, read back; False: somebody else has changed it, and it was left
-        alone; None: not known.
-    """
-    begun, number, stands = time.monotonic(), 0, None
-    wait_s = late_left_s(way_back.sent_at)
-    while True:
-        time.sleep(_PAUSES_S[min(number, len(_PAUSES_S) - 1)])
-        number += 1
-        try:
-            found = _brought_back(address, way_back, timeout_s)
-        except LinkError:
-            found = None
-        passed_s = time.monotonic() - begun
-        if found is not None and passed_s >= wait_s:
-            return found
-        if (found is None and passed_s >= max(wait_s, RETRY_S)) or enough():
-            return None
-        if found != stands or number == 1:
-            left_s = (max(wait_s, RETRY_S) if found is None else wait_s) - passed_s
-            progress(f"{address.text}: " + (
-                f"no answer; trying for {left_s:.0f} s to bring back mode and manual value" if found is None
-                else f"looking for {left_s:.0f} s more whether a request without an answer still arrives"))
-        stands = found
-
-
-def _brought_back(address: Address, way_back: WayBack, timeout_s: float) -> bool | None:
-    """Look once, and write where it is not as before; as `give_back`.
-
-    Raises:
-        LinkError: no answer.
-    """
-    with connect(address, timeout_s) as client:
-        place = way_back.number, way_back.start, len(way_back.before)
-        found = client.read(*place)
-        if not way_back.owns(found, address.protocol):
-            return False
-        if found == way_back.before:
-            return True
-        client.write(way_back.number, way_back.start, way_back.before)
-        return True if client.read(*place) == way_back.before else None
 
 
 _SAME_PCT: Final = 1e-6
@@ -223,6 +151,8 @@ class Experiment:
         mode: mode and manual value of the controller.
         sensor_degC: both ends of the sensor's range [°C].
         has_dead_man: whether `check` has found one.
+        hold: on the PLC, and the clock.
+        timeout_s: after which an answer is lost [s].
         heaters: that are plausible; none: a frozen sensor is not told.
     """
 
@@ -251,7 +181,7 @@ class Experiment:
         self.plan, self._words, self.limits = plan, words, limits
         self._recording = RecordingSetup(timeout_s=timeout_s, pwm_period_s=pwm_period_s)
         self.sensor_degC, self.has_dead_man = words.scaling.sensor_degC, False
-        self._in_manual, self._state = in_manual, PlcState(address)
+        self._in_manual, self.hold, self.timeout_s = in_manual, Hold(address), timeout_s
 
     def check(self) -> tuple[str, ...]:
         """Return what was found, one sentence each.
@@ -263,9 +193,8 @@ class Experiment:
             LinkError: nobody is there.
         """
         where = self.mode.address.text
-        with self._state.lock("experiment"):
-            self._state.demand_no_way_back()
-            self._state.demand_nothing_late()
+        with self.hold.lock("experiment"):
+            self.hold.demand_free()
         with self.mode.open_client() as client:
             self._demand_words(client)
             image, own = self.mode.image(client), told_by(client)
@@ -318,15 +247,15 @@ class Experiment:
         """
         if Path(log).exists():
             raise InputError(f"{log}: is there already; take another name")
-        with self._state.lock("experiment"):
-            self._state.demand_no_way_back()
+        with self.hold.lock("experiment"):
+            self.hold.demand_free()
             with self.mode.open_client() as client:
                 image = self.mode.image(client)
             self._demand_mode(image)
             _, start, count = self.mode.place
-            way_back = self._way_back(image[start : start + count], log)
-            self._state.keep(way_back)
-            hand = _Hand(self, way_back, Path(log), aims or Aims(), watching or ExperimentObserver())
+            before = image[start : start + count]
+            self.hold.open(self._way_back(before, log))
+            hand = _Hand(self, before, Path(log), aims or Aims(), watching or ExperimentObserver())
             restored = None
             try:
                 recorded = self._recorded(hand, log)
@@ -352,34 +281,24 @@ class Experiment:
     def _way_back(self, before: bytes, log: str | Path) -> WayBack:
         number, start, _ = self.mode.place
         puts = {self.mode.by_hand(before, power) for power in self.plan.powers}
-        return WayBack(address=self.mode.address.text, number=number, start=start, before=before,
-                       own=puts | set(map(self.mode.after_dead_man, puts)), power_pct=max(self.plan.powers),
-                       log=str(log), begun=utc_now(), process=os.getpid())
-
-    def keep(self, way_back: WayBack) -> None:
-        """Put the way back on the disk; errors as `PlcState.keep`."""
-        self._state.keep(way_back)
-
-    def forget(self) -> None:
-        """Remove the way back."""
-        self._state.forget()
+        part = WayBackPart(start, before, puts | set(map(self.mode.after_dead_man, puts)))
+        return new_way_back("experiment", self.mode.address, number, [part], log, max(self.plan.powers))
 
 
 class _Hand:
     """The hand on the controller while the recorder looks; it has a connection of its own."""
 
-    def __init__(self, whole: Experiment, way_back: WayBack, log: Path, aims: Aims,
-                 watching: ExperimentObserver) -> None:
-        self._whole, self._way_back, self._log, self._aims, self._watching = whole, way_back, log, aims, watching
+    def __init__(self, whole: Experiment, before: bytes, log: Path, aims: Aims, watching: ExperimentObserver) -> None:
+        self._whole, self._before, self._log, self._aims, self._watching = whole, before, log, aims, watching
         self._client: Client | None = None
-        self._put = way_back.before
+        self._put, self._hold = before, whole.hold
         self._power: float | None = None
         self.sent_pct: float | None = None
         self.so_far = RecordingState()
         self._rows = self._fitted_at = self._beats = 0
         self._first_s: float | None = None
         self._latest = list[tuple[float, float]]()
-        self._new_at = time.monotonic()
+        self._new_at = self._looked_at = whole.hold.clock.now_s()
         self._still = StillSensor(whole.heaters, _FROZEN_DEGC) if whole.heaters else None
         self._fitting: Thread | None = None
         self.ended: ExperimentResult | None = None
@@ -400,18 +319,22 @@ class _Hand:
         self.ended = ExperimentResult(reason=why, message=told)
 
     def _act(self, so_far: RecordingState) -> None:
-        if so_far.trouble:
+        now_s = self._whole.hold.clock.now_s()
+        away_s, self._looked_at = now_s - self._looked_at, now_s
+        if not away_s <= self._whole.limits.silence_s:
+            self.end("silence", f"nobody looked for {away_s:.0f} s: this machine was asleep, or the program stopped")
+        elif so_far.trouble:
             self.end("link", so_far.trouble)
         elif so_far.notes:
             self.end("output", so_far.notes[-1])
         elif self._watching.key():
             self.end("key", "someone requested the end")
         elif so_far.rows == self._rows or so_far.last is None:
-            silent_s = time.monotonic() - self._new_at
-            if silent_s > self._whole.limits.silence_s:
+            silent_s = now_s - self._new_at
+            if not silent_s <= self._whole.limits.silence_s:
                 self.end("silence", f"no new scan for {silent_s:.0f} s: is the CPU in STOP?")
         else:
-            self._rows, self._new_at = so_far.rows, time.monotonic()
+            self._rows, self._new_at = so_far.rows, now_s
             self._new(so_far.last)
         if self.ended is None and self._whole.has_dead_man:
             self._beats = (self._beats + 1) % 65536
@@ -452,29 +375,30 @@ class _Hand:
         if mode.cells(client) != self._put:
             self.end("hand", "somebody else has changed the mode or the manual value, or the PLC's dead man has")
         elif power != self._power:
-            self._put = mode.by_hand(self._way_back.before, power)
-            self._send(client, power)
+            before, self._put = self._put, mode.by_hand(self._before, power)
+            self._send(client, power, before)
             self._power = power
 
-    def _send(self, client: Client, power: float) -> None:
-        """Send a put; until it is answered, the way back on the disk says that it may still arrive."""
-        answered = self._way_back
-        self._way_back = replace(answered, sent_at=time.time())
+    def _send(self, client: Client, power: float, before: bytes) -> None:
+        """Send a put, and see that it stands there; until then the way back on the disk says that it may arrive."""
+        mode = self._whole.mode
         try:
-            self._whole.keep(self._way_back)
+            self._hold.note_request()
         except InputError as problem:
-            self._way_back = answered
             self.end("output", str(problem))
             return
         self.sent_pct = power
-        try:
-            self._whole.mode.write_cells(client, self._put)
-        except (PlcRefused, LinkDown):  # nothing has changed
-            self._way_back = answered
-            raise
-        self._way_back = answered
-        with suppress(InputError):  # that it may still arrive costs time at the end, no more
-            self._whole.keep(answered)
+        self._hold.send(partial(mode.write_cells, client, self._put))
+        found = mode.cells(client)
+        if found == self._put:
+            self._hold.note_stored()
+        elif found == before:
+            self.end("hand", f"{power:g} % was accepted, but does not stand there")
+        else:
+            self._hold.add_own(mode.place[1], found)
+            self._hold.note_stored()
+            self.end("hand", f"the device keeps other values than were written for {power:g} %: a limit of its own, or "
+                             "somebody else has changed them just now")
 
     def _fit_beside(self) -> None:
         """Begin a fit of what there is, beside the looks; end where it knows enough."""
@@ -493,15 +417,13 @@ class _Hand:
             self.fitted = fit(self._log)
 
     def give_back(self) -> bool | None:
-        """Bring back what stood there, and forget the way back once that is known; as `ManualMode.give_back`."""
+        """Bring back what stood there; as `heatertune.live.hold.Hold.bring_back`."""
         if self._client is not None:
             self._client.close()
-        restored: bool | None = True
-        if self.sent_pct is not None:
-            restored = self._whole.mode.give_back(self._way_back, self._watching.progress, self._watching.enough)
-        if restored is not None:
-            self._whole.forget()
-        return restored
+        if self.sent_pct is None:
+            self._hold.close()
+            return True
+        return self._hold.bring_back(self._whole.timeout_s, self._watching.progress, self._watching.enough)
 
     def join(self) -> None:
         """Wait for a fit that is under way: the controller has been given back by then."""
@@ -519,7 +441,7 @@ def _demand_proven_power(plan: Steps | RelaySchedule, words: Words) -> None:
 
 
 def restore(address: Address, timeout_s: float = 1.0, progress: Callable[[str], object] = str) -> bool | None:
-    """Finish the way back of an experiment whose program died.
+    """Finish the way back of a command whose program died.
 
     Args:
         address: of the PLC.
@@ -527,18 +449,18 @@ def restore(address: Address, timeout_s: float = 1.0, progress: Callable[[str], 
         progress: called with a sentence where it takes long.
 
     Returns:
-        As `heatertune.live.experiment.give_back`.
+        As `heatertune.live.hold.Hold.bring_back`.
 
     Raises:
         DocumentError: the way back is damaged.
-        InputError: there is none, or the experiment still runs.
+        InputError: there is none, the command still runs, or the record of a write says more: the message names it.
     """
-    state = PlcState(address)
-    with state.lock("experiment --restore"):
-        way_back = state.way_back()
+    hold = Hold(address)
+    with hold.lock("experiment --restore"):
+        way_back = hold.way_back()
         if way_back is None:
             raise InputError(f"{address.text}: no experiment from here is open on this PLC: nothing to bring back")
-        restored = give_back(address_of(way_back.address), way_back, timeout_s, progress)
-        if restored is not None:
-            state.forget()
-    return restored
+        if "--restore" not in way_back.remedy:
+            raise InputError(way_back.message)
+        hold.resume()
+        return hold.bring_back(timeout_s, progress)

@@ -88,9 +88,17 @@ LINK: Final[Mapping[str, str]] = {
     "black-hole": "nothing gets through, without any error",
     "lost-reply": "requests arrive, replies do not",
     "late-reply=": "each reply comes so many scans later",
+    "late-request=": "requests have no answer, and what they write arrives so many scans later, whoever is still there",
+    "duplicate=": "what is written arrives at once and again so many scans later, and is answered then",
+    "reordered=": "what is written is answered at once, and arrives behind the next write, or so many scans later",
+    "cached=": "what is read of the block is a copy, up to so many scans old",
+    "half-taken": "of what is written the device takes the first half, and answers that it took all",
+    "clamped=": "of a parameter that is written the device keeps no more than so much, and answers that it took all",
     "torn": "a scan writes half of the block, and the rest with the next scan",
 }
 FAULTS: Final[Mapping[str, str]] = {**HEATER, **SENSOR, **PEOPLE, **LINK}
+#: of the link, those whose number is one of scans
+_OF_SCANS: Final = ("late-reply", "late-request", "duplicate", "reordered", "cached")
 
 _WORD: Final = "word"
 _FORM: Final = 't=SECONDS NAME [until=SECONDS], as "t=900 sensor-off until=1200"'
@@ -148,8 +156,8 @@ def _demand(text: str, name: str, value: float) -> None:
     """Refuse a number without meaning."""
     if name == "mains" and not -100.0 <= value <= 50.0:
         raise InputError(f"--fault {text!r}: mains takes -100…50 % of the voltage")
-    if name == "late-reply" and not (value >= 1.0 and value == int(value)):
-        raise InputError(f"--fault {text!r}: late-reply takes a whole number of scans from 1 on")
+    if name in _OF_SCANS and not (value >= 1.0 and value == int(value)):
+        raise InputError(f"--fault {text!r}: {name} takes a whole number of scans from 1 on")
 
 
 def _number(text: str, part: str, least: float = -math.inf) -> float:
@@ -337,6 +345,58 @@ def _events(
     return times, kinds, values
 
 
+class RudeGateway:
+    """What stands between the servers and the block, as a gateway or the device itself may be."""
+
+    def __init__(self, plc: VirtualPlc) -> None:
+        """Take the PLC whose timetable has the faults."""
+        self._plc = plc
+        self._late: list[tuple[int, int, bytes]] = []  # interval, first byte, content; in the order of arrival
+        self._overtaken: tuple[int, int, bytes] | None = None
+        self._copy: tuple[int, bytes] | None = None
+
+    def read(self, block: bytes | bytearray) -> bytes | bytearray:
+        """Return what a client finds of the block."""
+        cached = self._plc.link("cached")
+        if cached is None:
+            self._copy = None
+            return block
+        if self._copy is None or self._plc.intervals - self._copy[0] >= cached.value:
+            self._copy = self._plc.intervals, bytes(block)
+        return self._copy[1]
+
+    def write(self, block: bytes | bytearray, start: int, content: bytes) -> list[tuple[int, bytes]]:
+        """Return what arrives in the block now, of what a client writes."""
+        plc, now = self._plc, self._plc.intervals
+        if plc.link("half-taken") is not None:
+            content = content[: len(content) // 2] + bytes(block[start + len(content) // 2 : start + len(content)])
+        if (clamped := plc.link("clamped")) is not None:
+            content = plc.block_with_limit(block, start, content, clamped.value)
+        if (late := plc.link("late-request")) is not None:
+            self._late.append((now + int(late.value), start, content))
+            return []
+        if (twice := plc.link("duplicate")) is not None:
+            self._late.append((now + int(twice.value), start, content))
+        arriving = [(start, content)]
+        if self._overtaken is not None:
+            arriving.append(self._overtaken[1:])
+            self._overtaken = None
+        elif (slow := plc.link("reordered")) is not None:
+            self._overtaken = now + int(slow.value), start, content
+            return []
+        return arriving
+
+    def due(self) -> list[tuple[int, bytes]]:
+        """Return what arrives in the block with this interval."""
+        now = self._plc.intervals
+        arriving = [each[1:] for each in self._late if each[0] <= now]
+        self._late = [each for each in self._late if each[0] > now]
+        if self._overtaken is not None and self._overtaken[0] <= now:
+            arriving.append(self._overtaken[1:])
+            self._overtaken = None
+        return arriving
+
+
 _STOPPING: Final = ("cpu-stop", "db-missing", "db-short")
 #: so far behind its time the loop hurries [s]; what a busy or sleeping machine took beyond is not made up for, as else
 #: the plant would leap while nobody could look
@@ -386,6 +446,7 @@ class VirtualPlc:
         """
         self._plan, self.block, self._measured, self._pace = plan, block, measure, pace
         self.memory = BlockMemory(block.number, block.image(), plan.loop.scan_s)
+        self.memory.gateway = RudeGateway(self)
         self.registers = block.registers or [RegisterRange(0, 0, self.memory.size(block.number) // 2)]
         self._scan_s, self._ambient, self._dead_man = plan.loop.scan_s, plan.row[4], dead_man_scans
         self._intervals = self._scans = self._silent = self._status = 0
@@ -428,6 +489,15 @@ class VirtualPlc:
     def link(self, name: str) -> ScheduledFault | None:
         """Return the fault of the link of that name, where it is there now."""
         return next((fault for fault in self._there if fault.name == name), None)
+
+    def block_with_limit(self, block: bytes | bytearray, start: int, content: bytes, most: float) -> bytes:
+        """Return bytes that are written with no parameter in them above a limit."""
+        cells = bytearray(block)
+        cells[start : start + len(content)] = content
+        for name, signal in self.block.words.items():
+            if start <= signal.start < start + len(content) and signal.of(bytes(cells)) > most:
+                self.block.put_word(cells, name, most)
+        return bytes(cells[start : start + len(content)])
 
     def start(self) -> None:
         """Let the intervals begin."""
@@ -530,6 +600,8 @@ class VirtualPlc:
             memory.missing, memory.protected = "db-missing" in names, "write-protected" in names
             whole = memory.size(memory.main)
             memory.length = whole // 4 * 2 if "db-short" in names else whole
+            for start, content in self.memory.gateway.due():
+                memory.carry_out(start, content)
             if self._late is not None:
                 before, after = self._late
                 memory.write_changes(before, after, slice(len(before) // 2, None))

@@ -16,7 +16,7 @@ import numpy as np
 
 from heatertune.errors import InputError, LinkDown
 from heatertune.live.block_memory import Signal
-from heatertune.live.client.connection import Address, Client, ClosesOnExit, connect, told_by
+from heatertune.live.client.connection import Address, Client, ClosesOnExit, SignOfLife, connect, told_by
 from heatertune.live.controller_block import Places
 from heatertune.live.simulator_status import OWN, OWN_CELLS
 from heatertune.model.values import HeaterModel
@@ -153,6 +153,7 @@ class Poller(ClosesOnExit):
     Attributes:
         interval_s: time between two scans [s]; None: the PLC does not count them, and this machine's clock is used.
         torn: looks that two scans fell into, and that were left out.
+        tells_new: whether a heartbeat or a source time shows that a look is new, where no scans are counted.
     """
 
     def __init__(self, address: Address, places: Places | None, timeout_s: float = 2.0) -> None:
@@ -170,6 +171,7 @@ class Poller(ClosesOnExit):
         """
         self._address, self._timeout_s = address, timeout_s
         self.torn = 0
+        self._life, self.tells_new = SignOfLife(), False
         self._begun = time.monotonic()
         self._count: int | None = None
         self._counted_at = self._begun
@@ -211,7 +213,7 @@ class Poller(ClosesOnExit):
         return block
 
     def look(self) -> Snapshot | None:
-        """Return what the latest scan left behind; None: nothing new, or a scan fell into the look.
+        """Return what the latest scan left behind; None: nothing new, a CPU in STOP, or a scan fell into the look.
 
         Raises:
             LinkDown: a simulated PLC tells its scans no longer.
@@ -237,9 +239,15 @@ class Poller(ClosesOnExit):
             return self._looked(before.shown, _TURN, seen, first_s=(before.shown - 1) * before.interval_s)
         counter = self._places.counter
         if counter is None:
-            return Snapshot(middle - self._begun, seen)
+            return Snapshot(middle - self._begun, seen) if self._is_alive() else None
         scans = int(counter.signal.of(content, begin)) % counter.turn
         return None if scans == self._count else self._looked(scans, counter.turn, seen, first_s=0.0)
+
+    def _is_alive(self) -> bool:
+        """Return whether what was read is of a CPU that runs, and new, as far as anything tells."""
+        last, self._life = self._life, self._client.sign_of_life()
+        self.tells_new = self._life.stamp is not None
+        return self._life.runs is not False and self._life.is_new(last) is not False
 
     def _looked(self, scans: int, turn: int, seen: Mapping[str, float], first_s: float) -> Snapshot:
         assert self.interval_s is not None

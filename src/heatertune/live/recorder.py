@@ -78,6 +78,7 @@ class RecordingState:
         last: the latest look.
         interval_s: of the PLC's scans, whose count is the log's clock [s]; None: this machine's clock is.
         trouble: of the link just now, empty where there is none.
+        tells_new: see `heatertune.live.poller.Poller`.
         notes: what others did to the file meanwhile, one sentence each: it does not hold all rows.
     """
 
@@ -87,6 +88,7 @@ class RecordingState:
     last: Snapshot | None = None
     interval_s: float | None = None
     trouble: str = ""
+    tells_new: bool = False
     notes: list[str] = field(default_factory=list)
 
 
@@ -166,6 +168,10 @@ class _File:
         if text[:1].isdigit():
             self._latest_s = float(text.partition(",")[0])
 
+    def reopen(self) -> None:
+        """Go on in the file of this name, which may be a new one; errors as `write`."""
+        self._go_on("was reopened as requested")
+
     def check(self) -> None:
         """Note what others have done to the file since the last row."""
         if what := self._changed():
@@ -199,7 +205,8 @@ class _File:
         old = self._number
         self._number = self._opened(os.O_WRONLY | os.O_APPEND | (os.O_CREAT | os.O_EXCL if is_new else 0))
         os.close(old)
-        if what != "was written to by another program" or begin:
+        if what not in ("was written to by another program", "was reopened as requested") or (
+                begin and what == "was written to by another program"):
             self.notes.append(f"{self._path}: {what} while it was recorded into; the log goes on "
                               f"{'in a new file' if is_empty else 'at its end'}")
         self._append(f"{begin}# continued {_now()}: the file {what}\n")
@@ -238,6 +245,7 @@ class _File:
 def record(
     address: Address, path: str | Path, places: Places | None = None, settings: RecordingSetup | None = None, *,
     shown: Callable[[RecordingState], object] = lambda _: None, ended: Callable[[], bool] = lambda: False,
+    reopened: Callable[[], bool] = lambda: False,
 ) -> RecordingState:
     """Record a running loop until its time is over.
 
@@ -248,6 +256,7 @@ def record(
         settings: how; None: each scan, without an end.
         shown: called after each look.
         ended: asked after each look whether it is enough.
+        reopened: asked after each look whether to go on in the file of that name, which may be another one now.
 
     Returns:
         What was recorded; the file is whole, also where this raises.
@@ -267,7 +276,7 @@ def record(
         switched = "" if given.pwm_period_s is None else f"{SWITCHED}{given.pwm_period_s:.9g} s"
         heads = f"{MARK}; {address.text}; begun {_now()}; time: {clock}{switched}{mixed}\n{','.join(columns)}\n"
         with _File(Path(path), heads, given.append) as file:
-            return _Rows(looking, file, given).run(shown, ended)
+            return _Rows(looking, file, given).run(shown, ended, reopened)
 
 
 class _Rows:
@@ -283,13 +292,16 @@ class _Rows:
         self._step_s, self._pause_s, self._new_at = 0.0, 0.01, time.monotonic()
         self._reason, self._missing = "", tuple[str, ...]()
 
-    def run(self, shown: Callable[[RecordingState], object], ended: Callable[[], bool]) -> RecordingState:
+    def run(self, shown: Callable[[RecordingState], object], ended: Callable[[], bool],
+            reopened: Callable[[], bool] = lambda: False) -> RecordingState:
         """Look until it is enough."""
         while not ended():
+            if reopened():
+                self._file.reopen()
             look = self._looked(shown, ended)
             if look is not None:
                 self._take(look)
-            self.so_far.torn = self._looking.torn
+            self.so_far.torn, self.so_far.tells_new = self._looking.torn, self._looking.tells_new
             shown(self.so_far)
             if look is not None and self._enough():
                 break

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import socket
+import struct
 from contextlib import suppress
 from threading import Thread
 from typing import Any, Final
@@ -20,6 +21,8 @@ __all__ = ["S7Server"]
 _CODES: Final = {Access.MISSING: 0x0A, Access.OUTSIDE: 0x05, Access.PROTECTED: 0x03}
 _GOOD: Final = 0xFF
 _BIT: Final = 1  # word length
+#: system status list of operating modes (SZL-ID W#16#0424): bytes of its record, RUN and STOP
+_MODES, _MODE_LENGTH, _RUN, _STOP = 0x0424, 20, 8, 4
 
 logging.getLogger("snap7").addHandler(logging.NullHandler())  # what a client does wrong is no message of the PLC
 
@@ -78,6 +81,14 @@ class S7Server(Server):  # type: ignore[misc]
             super()._handle_client(client_socket, address)
         finally:
             self._sockets.discard(client_socket)
+
+    def _get_szl_data(self, szl_id: int, szl_index: int) -> bytes | None:
+        """Return a system status list: that of the operating modes, which the library has not, is the virtual PLC's."""
+        if szl_id != _MODES:
+            found: bytes | None = super()._get_szl_data(szl_id, szl_index)
+            return found
+        mode = _RUN if self.cpu_state == CPUState.RUN else _STOP
+        return struct.pack(">HH2xBB16x", _MODE_LENGTH, 1, 0xFF, mode)
 
     def _read_from_memory_area(self, area: Any, db_number: int, start: int, count: int) -> tuple[int, bytearray]:
         if (area, db_number) not in self.memory_areas:

@@ -114,9 +114,9 @@ class FaultyLink:
 
     def _answered(self, pair: _Pair) -> None:
         reply = self._received(pair, pair.server)
-        if not reply or self._plc.link("black-hole") is not None or self._plc.link("lost-reply") is not None:
+        if not reply or any(self._plc.link(name) is not None for name in ("black-hole", "lost-reply", "late-request")):
             return
-        late = self._plc.link("late-reply")
+        late = self._plc.link("late-reply") or self._plc.link("duplicate")
         if late is None and not pair.late:
             self._sent(pair, pair.client, reply)
         else:  # nor does a later reply overtake
@@ -151,6 +151,8 @@ def _with(act: Callable[[_Pair], None], pair: _Pair) -> Callable[[], None]:
 _LOOPBACK: Final = "127.0.0.1"
 _MOST_PORT: Final = 65535
 _RELEASED: Final = 8
+#: a connection whose other end has gone without a word is ended by the system after 60 s + 3 · 10 s
+_KEEP_ALIVE: Final = {"SO_KEEPALIVE": 1, "TCP_KEEPIDLE": 60, "TCP_KEEPINTVL": 10, "TCP_KEEPCNT": 3}
 #: protocol → address as `heatertune.live.client.connection` reads it
 _URLS: Final = {"s7": "s7://{}:{}/0/2/db{}", "modbus": "modbus://{}:{}/1/{first}", "opcua": "opc.tcp://{}:{}/db{}",
                 "as511": "as511://{0}/db{2}"}
@@ -414,6 +416,10 @@ def _listening(port: int) -> socket.socket:
     with suppress(OSError):
         door.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
+        for name, value in _KEEP_ALIVE.items():  # the connections that come to it inherit it
+            if (option := getattr(socket, name, None)) is not None:
+                level = socket.SOL_SOCKET if name == "SO_KEEPALIVE" else socket.IPPROTO_TCP
+                door.setsockopt(level, option, value)
         door.bind((_LOOPBACK, port))
         door.listen()
     except OSError as problem:

@@ -1,8 +1,8 @@
 """The connection to a PLC: its address, and the client that all protocols share.
 
 A client reads and writes bytes of a block, one request at a time, and never repeats a write. It also asks a simulated
-PLC for its status. Addresses: `s7://HOST:PORT/RACK/SLOT/dbN`, `modbus://HOST:PORT/UNIT/REGISTER`,
-`opc.tcp://HOST:PORT/PATH/NODE` or `as511://DEVICE/dbN`.
+PLC for its status. Addresses: `s7://HOST:PORT/RACK/SLOT/dbN`,
+`modbus://HOST:PORT/UNIT/REGISTER[?heartbeat=REGISTER]`, `opc.tcp://HOST:PORT/PATH/NODE` or `as511://DEVICE/dbN`.
 """
 
 from __future__ import annotations
@@ -17,22 +17,23 @@ from dataclasses import dataclass
 from importlib import import_module
 from importlib.util import find_spec
 from types import TracebackType
-from typing import Any, Final, Protocol, Self, TypeVar
+from typing import Any, Final, NamedTuple, Protocol, Self, TypeVar
 from urllib.parse import urlsplit
 
 from heatertune.errors import InputError, LinkDown, PlcRefused, ReplyLost, UnknownName
 from heatertune.live.simulator_status import OWN, OWN_LENGTH, SimulatorStatus
 
 __all__ = [
-    "EXAMPLES", "LIBRARIES", "Address", "Client", "ClosesOnExit", "RequestConnection", "address_of", "close_by_reset",
-    "connect", "demand_library", "told_by",
+    "EXAMPLES", "LIBRARIES", "Address", "Client", "ClosesOnExit", "RequestConnection", "SignOfLife", "address_of",
+    "close_by_reset", "connect", "demand_library", "told_by",
 ]
 
 
 #: scheme → an address of it
 EXAMPLES: Final[Mapping[str, str]] = {
     "s7": "s7://192.168.0.10/0/2/db30 (rack, slot, block) or s7://192.168.0.10/10.00/10.01/db1 (an S7-200's TSAPs)",
-    "modbus": "modbus://192.168.0.10/1/0 (unit, first register of the block)",
+    "modbus": "modbus://192.168.0.10/1/0 (unit, first register of the block) or modbus://192.168.0.10/1/0?heartbeat=90 "
+              "(a register that the program counts up)",
     "opc.tcp": "opc.tcp://192.168.0.10/ns=3;s=NAME (the variable that holds the block's bytes) or "
                "opc.tcp://127.0.0.1:4840/db30 (of a virtual PLC)",
     "as511": "as511:///dev/ttyUSB0/db30 or as511://COM3/db30 (serial line, block)",
@@ -56,6 +57,7 @@ class Address:
         by_tsap: whether `way` holds TSAPs, the client's own first.
         block: S7, AS511: number of the data block, None where none is said; Modbus: first register of the block.
         path, node: OPC UA: of the endpoint, and the variable that holds the block.
+        heartbeat: Modbus: register that moves as long as the program runs; None: none is said.
     """
 
     text: str
@@ -67,6 +69,7 @@ class Address:
     block: int | None = None
     path: str = ""
     node: str = ""
+    heartbeat: int | None = None
 
 
 def address_of(text: str) -> Address:
@@ -102,12 +105,14 @@ def _s7(text: str) -> Address:
 
 
 def _modbus(text: str) -> Address:
-    where, path = _network(text, "modbus", text)
+    url, mark, beat = text.partition("?heartbeat=")
+    where, path = _network(text, "modbus", url)
     rest = _parts(path)
     if not 1 <= len(rest) <= 2:
         raise _wrong(text, "modbus", "no unit" if not rest else "more than unit and register")
     first = _whole(text, "modbus", "register", rest[1], 65535) if len(rest) > 1 else 0
-    return Address(**where, way=(_whole(text, "modbus", "unit", rest[0], 255),), block=first)
+    return Address(**where, way=(_whole(text, "modbus", "unit", rest[0], 255),), block=first,
+                   heartbeat=_whole(text, "modbus", "heartbeat", beat, 65535) if mark else None)
 
 
 def _opcua(text: str) -> Address:
@@ -205,8 +210,28 @@ class ClosesOnExit:
         self.close()
 
 
+class SignOfLife(NamedTuple):
+    """What a protocol tells of the CPU behind what was read last.
+
+    Attributes:
+        runs: whether it says that it is in RUN; None: nothing tells.
+        stamp: what moves with each new content; None: nothing tells.
+    """
+
+    runs: bool | None = None
+    stamp: object = None
+
+    def is_new(self, last: SignOfLife) -> bool | None:
+        """Return whether what was read is of another instant than at the last look; None: nothing tells."""
+        return None if self.stamp is None else self.stamp != last.stamp
+
+
 class RequestConnection(ClosesOnExit):
     """A connection that is closed at the first request without an answer."""
+
+    def sign_of_life(self) -> SignOfLife:
+        """Return what the protocol tells of the CPU; errors as `Client.read`."""
+        return SignOfLife()
 
     def __init__(self, address: Address) -> None:
         """Belong to an address."""
@@ -288,6 +313,9 @@ class Client(Protocol):
             LinkDown: it was not sent.
             ReplyLost: whether it arrived is not known.
         """
+
+    def sign_of_life(self) -> SignOfLife:
+        """Return what the protocol tells of the CPU behind what was read last; errors as `read`."""
 
     def close(self) -> None:
         """Close the connection; harmless where it is closed."""

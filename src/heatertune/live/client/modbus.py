@@ -10,7 +10,7 @@ from pymodbus.client import ModbusTcpClient
 from pymodbus.pdu import ExceptionResponse
 
 from heatertune.errors import LinkDown
-from heatertune.live.client.connection import Address, RequestConnection, close_by_reset
+from heatertune.live.client.connection import Address, RequestConnection, SignOfLife, close_by_reset
 from heatertune.live.simulator_status import OWN
 
 __all__ = ["ModbusClient", "open_client"]
@@ -59,6 +59,16 @@ class ModbusClient(RequestConnection):
         what = f"writing registers {first}…{first + len(registers) - 1}"
         self._asked(lambda: self._good(
             self._library.write_registers(first, registers, device_id=self._address.way[0]), what), what)
+
+    def sign_of_life(self) -> SignOfLife:
+        """Return what the heartbeat register shows, where the address names one."""
+        register = self._address.heartbeat
+        if register is None:
+            return SignOfLife()
+        what = f"reading the heartbeat, register {register}"
+        found = self._asked(lambda: self._good(
+            self._library.read_holding_registers(register, count=1, device_id=self._address.way[0]), what), what)
+        return SignOfLife(stamp=found.registers[0])
 
     def _register(self, number: int, start: int) -> int:
         begins = OWN if number == OWN else self._address.block or 0

@@ -18,7 +18,7 @@ from typing import Any, Final, TypeVar
 from asyncua import Client, ua
 
 from heatertune.errors import LinkDown, ReplyLost
-from heatertune.live.client.connection import Address, RequestConnection, close_by_reset
+from heatertune.live.client.connection import Address, RequestConnection, SignOfLife, close_by_reset
 from heatertune.live.simulator_status import OWN
 
 __all__ = ["OpcuaClient", "open_client"]
@@ -50,14 +50,19 @@ class OpcuaClient(RequestConnection):
         super().__init__(address)
         self._library, self._loop = library, loop
         self._ranges: dict[int, ua.VariantType] = {}
-        self._open_since = time.monotonic()
+        self._open_since, self._stamp = time.monotonic(), None
+
+    def sign_of_life(self) -> SignOfLife:
+        """Return the source time of the block that was read last, where the server tells one."""
+        return SignOfLife(stamp=self._stamp)
 
     def read(self, number: int, start: int, count: int) -> bytes:
         """Return bytes of a block."""
         what = f"reading {self._node(number)}"
 
         async def ask() -> bytes:
-            content = self._content(await self._value(number), what)
+            found = await self._value(number)
+            content, self._stamp = self._content(found, what), found.SourceTimestamp
             if start + count > len(content):
                 raise self._refused(f"{what}, bytes {start} to {start + count}", f"it has {len(content)} bytes")
             return content[start : start + count]
@@ -98,7 +103,7 @@ class OpcuaClient(RequestConnection):
     async def _value(self, number: int, index_range: str | None = None) -> ua.DataValue:
         wanted = ua.ReadValueId(ua.NodeId.from_string(self._node(number)), ua.AttributeIds.Value, index_range)
         found, = await self._library.uaclient.session.read(ua.ReadParameters(
-            TimestampsToReturn=ua.TimestampsToReturn.Neither, NodesToRead=[wanted]))
+            TimestampsToReturn=ua.TimestampsToReturn.Source, NodesToRead=[wanted]))
         return found
 
     def _content(self, found: ua.DataValue, what: str) -> bytes:

@@ -12,13 +12,19 @@ from snap7.client import Client
 from snap7.error import S7Error, S7ProtocolError
 from snap7.logo import Logo
 
-from heatertune.errors import LinkDown
-from heatertune.live.client.connection import Address, RequestConnection, close_by_reset
+from heatertune.errors import LinkDown, PlcRefused
+from heatertune.live.client.connection import Address, RequestConnection, SignOfLife, close_by_reset
 
 __all__ = ["S7Client", "open_client"]
 
 #: what fits into one message of 240 bytes, the smallest that PLCs agree to, both ways
 _MOST: Final = 212
+
+#: system status list of operating modes (S7-300/400 system functions, SZL-ID W#16#xy24): its number, and where the
+#: present one stands, behind length and number of the records in the low half of a byte
+_MODES, _MODE_AT = 0x0424, 7
+#: a mode → whether the CPU is in RUN; those of a redundant pair are not known here
+_RUNS: Final = {8: True, **dict.fromkeys((1, 2, 3, 4, 5, 6, 7, 10), False)}
 
 logging.getLogger("snap7").addHandler(logging.NullHandler())  # errors tell what happened
 
@@ -32,7 +38,7 @@ class S7Client(RequestConnection):
     def __init__(self, address: Address, library: Any) -> None:
         """Take a client of the library's that is connected."""
         super().__init__(address)
-        self._library = library
+        self._library, self._tells_mode = library, True
 
     def read(self, number: int, start: int, count: int) -> bytes:
         """Return bytes of a block."""
@@ -57,6 +63,26 @@ class S7Client(RequestConnection):
                 raise self._refused(what, _why(problem)) from None
 
         self._asked(ask, what)
+
+    def sign_of_life(self) -> SignOfLife:
+        """Return whether the CPU is in RUN, by its system status list; an S7-200 and some gateways have none."""
+        what = "asking for the operating mode"
+
+        def ask() -> bool | None:
+            try:
+                found = self._library.read_szl(_MODES, 0)
+            except (S7ProtocolError, RuntimeError) as problem:
+                raise self._refused(what, str(problem)) from None
+            record = bytes(found.Data[: found.Header.LengthDR])
+            return _RUNS.get(record[_MODE_AT] & 0x0F) if len(record) > _MODE_AT else None
+
+        if not self._tells_mode:
+            return SignOfLife()
+        try:
+            return SignOfLife(runs=self._asked(ask, what))
+        except PlcRefused:
+            self._tells_mode = False
+            return SignOfLife()
 
     def _close(self) -> None:
         with suppress(S7Error, OSError):

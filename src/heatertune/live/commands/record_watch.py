@@ -17,7 +17,7 @@ from heatertune import chain
 from heatertune.cli import printing
 from heatertune.cli.printing import LINE, can_take
 from heatertune.errors import HeatertuneError, InputError
-from heatertune.live.client.connection import address_of
+from heatertune.live.client.connection import Address, address_of
 
 if TYPE_CHECKING:
     from heatertune.live.loop_watch import BandWatch, OnlineMonitor
@@ -53,6 +53,8 @@ def add_record(commands: Any) -> None:
                               "s)")
     command.add_argument("--duration", dest="for_s", type=float, metavar="S", help="stop after this duration")
     command.add_argument("--append", action="store_true", help="continue an existing log")
+    command.add_argument("--service", action="store_true",
+                         help="run as a service: continue an existing log, and reopen it on SIGHUP (log rotation)")
     command.add_argument("--timeout", type=float, default=2.0, metavar="S",
                          help="time after which an answer counts as lost (default: 2)")
     printing.add_output_options(command, _run_record)
@@ -63,21 +65,32 @@ def _run_record(settings: argparse.Namespace) -> int:
     from heatertune.live.recorder import RecordingSetup, record
 
     address = address_of(settings.address)
-    how = RecordingSetup(every_s=settings.interval, for_s=settings.for_s, append=settings.append,
+    how = RecordingSetup(every_s=settings.interval, for_s=settings.for_s, append=settings.append or settings.service,
                          timeout_s=settings.timeout, pwm_period_s=_pwm_period_s(settings.design))
     places, begun = places_given(design=settings.design, map_file=settings.map), time.monotonic()
+    _tell_unended(address)
     shown_notes: list[str] = []
-    with asked_to_end() as asked:
+    signals = [name for name in _ENDING if not (settings.service and name == "SIGHUP")]
+    with asked_to_end(signals) as asked, asked_to_end(("SIGHUP",) if settings.service else ()) as hang_ups:
         def shown(so_far: RecordingState) -> None:
             show_notes(so_far, shown_notes)
             if not settings.quiet:
                 LINE.show(lambda: f"{live_line(so_far, time.monotonic() - begun)}; Ctrl-C ends it")
 
-        so_far = record(address, settings.out, places, how, shown=shown, ended=lambda: bool(asked))
+        so_far = record(address, settings.out, places, how, shown=shown, ended=lambda: bool(asked),
+                        reopened=lambda: hang_ups.pop() > 0 if hang_ups else False)
     LINE.end()
     document = _document(settings, so_far)
     printing.output(settings, document, lambda: _lines(document))
     return 1 if so_far.notes else 0
+
+
+def _tell_unended(address: Address) -> None:
+    """Show on stderr what has not ended on a PLC."""
+    from heatertune.live.hold import Hold
+
+    if unended := Hold(address).message():
+        tell(unended)
 
 
 def show_notes(so_far: RecordingState, shown: list[str]) -> None:
@@ -128,7 +141,7 @@ def asked_to_end(signals: Sequence[str] = _ENDING) -> Iterator[list[int]]:
         number = getattr(signal, name, None)
         if number is not None and (name in ("SIGINT", "SIGTERM") or signal.getsignal(number) is not signal.SIG_IGN):
             before[number] = signal.signal(number, lambda number, _: asked.append(number))
-    if signals is not _ENDING:
+    if signals is ALL_SIGNALS:
         before |= {number: signal.signal(number, signal.SIG_IGN) for name in _IGNORED
                    if (number := getattr(signal, name, None)) is not None}
     try:
@@ -230,8 +243,8 @@ def add_watch(commands: Any) -> None:
 
 def _run_watch(settings: argparse.Namespace) -> int:
     from heatertune.live.controller_block import places_of
+    from heatertune.live.hold import Hold
     from heatertune.live.loop_watch import BandWatch, others_there
-    from heatertune.live.plc_state import PlcState
     from heatertune.live.recorder import RecordingSetup, record
     from heatertune.live.write.proven_words import read_proven
 
@@ -242,7 +255,7 @@ def _run_watch(settings: argparse.Namespace) -> int:
     log = Path(settings.out or Path(settings.design) / f"watch_{datetime.now(UTC):%Y%m%d_%H%M%S}.csv")
     beside, monitored = BandWatch(proven), _monitored(settings.monitor, proven)
     others, unknown = others_there(proven, address)
-    open_experiment = PlcState(address).message()
+    unended = Hold(address).message()
     with asked_to_end() as asked:
         so_far = record(address, log, places, RecordingSetup(
             every_s=None if monitored is None else min(1.0, 0.5 * monitored.view.scan_s), for_s=settings.for_s,
@@ -253,11 +266,11 @@ def _run_watch(settings: argparse.Namespace) -> int:
         others, unknown = others_there(proven, address)
     unmoved = _unmoved(beside, so_far)
     well = beside.seen.readings > 0 and beside.seen.well and not unmoved  # who has seen nothing knows nothing
-    open_experiment = open_experiment or PlcState(address).message()  # one may have begun meanwhile
+    unended = unended or Hold(address).message()  # one may have begun meanwhile
     well = well and not others and (monitored is None or not monitored.messages()) and not so_far.trouble
-    well = well and not open_experiment
+    well = well and not unended
     seen = beside.seen.to_document()
-    seen["messages"] = [*(line for line in (open_experiment, others, unmoved) if line), *seen["messages"]]
+    seen["messages"] = [*(line for line in (unended, others, unmoved) if line), *seen["messages"]]
     document = {"schema": "heatertune/watch/2", "address": address.text, "log": str(log), "rows": so_far.rows,
                 "gaps": so_far.gaps, "lost": so_far.trouble or None, "well": well,
                 "words_not_compared": unknown or None, **seen,
@@ -270,7 +283,9 @@ def _run_watch(settings: argparse.Namespace) -> int:
 def _unmoved(beside: BandWatch, so_far: RecordingState) -> str:
     """Return that nothing is known, for nothing that was read has changed and no counter says that it is new."""
     seen = beside.seen
-    if so_far.interval_s is not None or seen.readings == 0 or seen.still_s < min(seen.seconds, beside.window_s):
+    if so_far.interval_s is not None or so_far.tells_new or seen.readings == 0:
+        return ""
+    if seen.still_s < min(seen.seconds, beside.window_s):
         return ""
     return (f"{_NOT_JUDGED}: nothing that was read has changed for {seen.still_s:.4g} s, and no counter is read: a CPU "
             "that stands, a frozen sensor and a loop at rest look the same. Watch for longer")

@@ -82,7 +82,7 @@ def link_of(settings: argparse.Namespace) -> LinkSettings:
 
 
 def _run_write(settings: argparse.Namespace) -> int:
-    from heatertune.live.plc_state import PlcState
+    from heatertune.live.hold import Hold
     from heatertune.live.write.apply import (
         PLAN_SCHEMA,
         WriteRequest,
@@ -91,7 +91,6 @@ def _run_write(settings: argparse.Namespace) -> int:
         plan_write,
     )
     from heatertune.live.write.proven_words import Declared, read_proven
-    from heatertune.live.write.rollback import unfinished_records
 
     sensor = options.provided_options(SensorSettings, settings)
     said = Declared(called_every_s=settings.called_every, range_degC=sensor.get("range_degC"),
@@ -114,11 +113,9 @@ def _run_write(settings: argparse.Namespace) -> int:
             plan = plan_write(wanted, peer)
         except LinkError as problem:
             return not_read(settings, document, problem)
-    open_ = [str(lines.path) for lines in unfinished_records(Path(settings.directory), address)]
-    open_experiment = PlcState(address).message()
-    printing.output(settings, document | plan.to_document() | {
-        "unended": open_, "open_experiment": open_experiment or None},
-                    lambda: "\n".join(_of_plan(settings, wanted, plan, open_, open_experiment)))
+    unended = Hold(address).message()
+    printing.output(settings, document | plan.to_document() | {"unended": unended or None},
+                    lambda: "\n".join(_of_plan(settings, wanted, plan, unended)))
     return 0
 
 
@@ -129,8 +126,7 @@ def not_read(settings: argparse.Namespace, document: dict[str, Any], problem: Li
     return 1
 
 
-def _of_plan(settings: argparse.Namespace, wanted: WriteRequest, plan: WritePlan, open_: list[str],
-             open_experiment: str) -> Iterator[str]:
+def _of_plan(settings: argparse.Namespace, wanted: WriteRequest, plan: WritePlan, unended: str) -> Iterator[str]:
 
     if plan.difference is not None:
         yield from report.difference_lines(_of_block(plan.difference)).splitlines()
@@ -143,9 +139,8 @@ def _of_plan(settings: argparse.Namespace, wanted: WriteRequest, plan: WritePlan
         yield from wrap_text(plan.no_order, "- ")
     if plan.undone_by:
         yield from wrap_text(f"{plan.undone_by}: load the exported one, too", "- ")
-    if open_experiment:
-        yield from wrap_text(open_experiment, "- ")
-    yield from (f"- a write that never ended: heatertune rollback {path}" for path in open_)
+    if unended:
+        yield f"- {unended}"  # not wrapped: it ends in a command line
     if all(check.ok is not False for check in plan.checks) and plan.parts and not plan.no_order:
         said = [check.option for check in plan.checks if check.ok is None and check.option]
         again = " ".join([*settings.given, *said, "--apply", "--confirm", wanted.proven_words.yes])
@@ -197,7 +192,7 @@ def add_rollback(commands: Any) -> None:
 
 
 def _run_rollback(settings: argparse.Namespace) -> int:
-    from heatertune.live.plc_state import PlcState
+    from heatertune.live.hold import Hold
     from heatertune.live.write.rollback import before_of, inspect_write, rolled_back
 
     before, link = before_of(settings.record), link_of(settings)
@@ -212,17 +207,17 @@ def _run_rollback(settings: argparse.Namespace) -> int:
             ended = inspect_write(before, link)
         except LinkError as problem:
             return not_read(settings, document, problem)
-    open_experiment = PlcState(before.address).message()
-    printing.output(settings, document | ended.to_document() | {"open_experiment": open_experiment or None},
-                    lambda: "\n".join(_lines(settings, before, ended, open_experiment)))
+    unended = Hold(before.address).message()
+    printing.output(settings, document | ended.to_document() | {"unended": unended or None},
+                    lambda: "\n".join(_lines(settings, before, ended, unended)))
     return 0 if not settings.apply or ended.is_done else 1
 
 
-def _lines(settings: argparse.Namespace, before: Before, ended: WriteEnd, open_experiment: str) -> Iterator[str]:
+def _lines(settings: argparse.Namespace, before: Before, ended: WriteEnd, unended: str) -> Iterator[str]:
     from heatertune.live.write.rollback import not_proven
 
-    if open_experiment:
-        yield from wrap_text(open_experiment, "- ")
+    if unended:
+        yield f"- {unended}"  # not wrapped: it ends in a command line
     if settings.apply:
         yield from ended_lines(ended)
     else:

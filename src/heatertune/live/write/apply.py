@@ -14,14 +14,22 @@ from pathlib import Path
 from typing import Any, Final
 
 from heatertune import __version__
-from heatertune.errors import LinkError
+from heatertune.errors import DocumentError, LinkError
 from heatertune.live.client.connection import Address
-from heatertune.live.plc_state import PlcState
+from heatertune.live.hold import Hold, WayBack, WayBackPart, new_way_back
 from heatertune.live.write.band import watch_response
 from heatertune.live.write.plc_block import BlockImage, BlockSnapshot, LinkSettings, Peer, WritePart, block_image
 from heatertune.live.write.proven_words import Check, Declared, ProvenWords, checks, interval_found, refusal_reason
-from heatertune.live.write.rollback import record_outcome, unfinished_records
-from heatertune.live.write.write_record import MOST_WRITES, RECORD_SCHEMA, Budget, RecordBroken, WriteRecord, write_new
+from heatertune.live.write.rollback import record_outcome
+from heatertune.live.write.write_record import (
+    MOST_WRITES,
+    RECORD_SCHEMA,
+    Budget,
+    RecordBroken,
+    WriteRecord,
+    read_lines,
+    write_new,
+)
 from heatertune.live.write.writer import WriteEnd, WriteOutcome, Writer
 from heatertune.plc.ramp import Number
 from heatertune.proof.difference import Side, difference
@@ -224,17 +232,15 @@ def apply_write(wanted: WriteRequest, yes: str | None, progress: Progress = str)
     wanted.proven_words.demand_yes(yes)
     peer = peer_of(wanted)
     budget = Budget(wanted.address, peer.standing.number, wanted.most_writes)
-    state = PlcState(wanted.address)
-    with state.lock("write"), peer:
-        state.demand_no_way_back()
-        state.demand_nothing_late()
+    hold = Hold(wanted.address, wanted.link.clock)
+    with hold.lock("write"), peer:
+        begun = hold.demand_free(unless_write=True)
         progress("looking at the PLC")
         try:
             plan = plan_write(wanted, peer)
         except LinkError as problem:
             return WriteResult(WriteEnd(WriteOutcome.NOT_DONE, f"nothing was sent: {problem}"))
-        folder, now = Path(wanted.proven_words.directory), plan.look
-        earlier = tuple(record_outcome(lines, now) for lines in unfinished_records(folder, wanted.address))
+        now, earlier = plan.look, _of_earlier(hold, begun, plan.look)
         if why := refusal_reason(plan.checks) or plan.no_order:
             return WriteResult(WriteEnd(WriteOutcome.NOT_DONE, f"nothing was sent: {why}", now.values), None, earlier)
         if not plan.parts:
@@ -243,32 +249,48 @@ def apply_write(wanted: WriteRequest, yes: str | None, progress: Progress = str)
         path = _path(wanted)
         write_new(path.with_suffix(".before.bin"), now.content)
         write_new(path, b"")
+        parts = [WayBackPart(part.start, part.before, {part.after}) for part in plan.parts]
+        hold.open(new_way_back("write", wanted.address, peer.standing.number, parts, path.absolute()))
         with WriteRecord(path) as record:
-            return WriteResult(_written(wanted, plan, peer, record, budget, progress), path, earlier)
+            return WriteResult(_written(wanted, plan, Writer(peer, hold, record, budget, progress), progress), path,
+                               earlier)
 
 
-def _written(
-    wanted: WriteRequest, plan: WritePlan, peer: Peer, record: WriteRecord, budget: Budget, progress: Progress
-) -> WriteEnd:
-    record.write_line("begin", **_begin(wanted, plan, peer))
-    writer = Writer(peer, record, budget, progress)
-    progress("writing")
-    ended = writer.write(plan.parts, plan.before, plan.after)
-    if ended.outcome is WriteOutcome.DONE and wanted.watch and not wanted.declared.in_manual:
-        ended = _watched(wanted, plan, peer, record, writer, ended, progress)
+def _of_earlier(hold: Hold, begun: WayBack | None, look: BlockSnapshot) -> tuple[str, ...]:
+    """Return what became of a write that never ended, a sentence; its hold is over once that is recorded."""
+    if begun is None:
+        return ()
     try:
-        record.write_line("end", **ended.to_document())
-    except RecordBroken as problem:
-        return replace(ended, message=f"{ended.message}; {problem}")
-    return ended
+        told = record_outcome(read_lines(begun.record), look)
+    except DocumentError:  # a kill before its first line: nothing was sent; or somebody has removed it
+        told = f"a {begun.command} begun {begun.begun} has no record: {begun.record}"
+    hold.close()
+    return (told,)
+
+
+def _written(wanted: WriteRequest, plan: WritePlan, writer: Writer, progress: Progress) -> WriteEnd:
+    """Write and watch; whatever ends it, what was written is known to stand there or taken back, or the hold stays."""
+    record = writer.record
+    try:
+        record.write_line("begin", **_begin(wanted, plan, writer.peer))
+        progress("writing")
+        ended = writer.write(plan.parts, plan.before, plan.after)
+        if ended.outcome is WriteOutcome.DONE:
+            watched = wanted.watch and not wanted.declared.in_manual
+            ended = _watched(wanted, plan, writer, ended, progress) if watched else writer.demand_new(plan.look, ended)
+    except BaseException as fault:  # of heatertune's own, or a system's without memory
+        why = f"ended by a fault of heatertune's own ({type(fault).__name__})"
+        writer.end(writer.restore(plan.parts, plan.before, plan.after, why))
+        raise
+    return writer.end(ended)
 
 
 def _watched(
-    wanted: WriteRequest, plan: WritePlan, peer: Peer, record: WriteRecord, writer: Writer, ended: WriteEnd,
-    progress: Progress
+    wanted: WriteRequest, plan: WritePlan, writer: Writer, ended: WriteEnd, progress: Progress
 ) -> WriteEnd:
     try:
-        seen = watch_response(peer, record, wanted.proven_words, plan.after, [plan.look, *writer.looks], progress)
+        seen = watch_response(writer.peer, writer.record, wanted.proven_words, plan.after, [plan.look, *writer.looks],
+                              progress)
     except RecordBroken as problem:
         return writer.restore(plan.parts, plan.before, plan.after, str(problem))
     told = f"watched for {seen.seconds:.0f} s, {seen.count} readings"

@@ -12,7 +12,6 @@ decides.
 from __future__ import annotations
 
 import math
-import time
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
@@ -182,6 +181,8 @@ _SAME_DEGC: Final = 1e-6
 #: without a new reading so long, the CPU stands [s], [sampling intervals]
 _STILL_S: Final = 5.0
 _STILL: Final = 4.0
+#: so long nobody may look [s]: connections that are tried again take their time
+_ASLEEP_S: Final = 20.0
 _DISTURBED: Final = 0.01  # of the readings: so many may be none
 _NOTHING_NEW: Final = 0.5  # of the watched time without a change of a single byte: nobody knows whether it goes on
 
@@ -232,8 +233,8 @@ def watch_response(
             watch.stands = look.values
             if changed := _changed(peer, look, expected):
                 return watch.ended(early=f"somebody has changed the words: {changed}")
-            if watch.stands_still(look):
-                return watch.ended(early="the CPU runs no scan")
+            if gap := watch.asleep() or watch.stands_still(look):
+                return watch.ended(early=gap)
             if outside := watch.see(look):
                 return watch.ended(outside=outside)
             progress(watch.told)
@@ -263,17 +264,26 @@ class _Watch:
         self._still = StillSensor([model for _, model in labelled_heaters(proven.fitted_model)], band_degC(proven))
         self._content, self._changed_s = b"", 0.0
         self._reach, self._believed = Reach(proven), (math.nan, math.nan)
-        self._jumped_before = self._see_before(before)
+        self._jumped_before, self._looked_s = self._see_before(before), peer.clock.now_s()
         self.stands: Mapping[str, Number] | None = None
 
-    def stands_still(self, look: BlockSnapshot) -> bool:
-        """Return whether the CPU is in STOP, or nothing new has come for long; takes note of what is new."""
-        now = time.monotonic()
+    def asleep(self) -> str:
+        """Return that nobody has looked for too long, a sentence; empty where somebody has."""
+        now_s = self._peer.clock.now_s()
+        away_s, self._looked_s = now_s - self._looked_s, now_s
+        if away_s <= max(_ASLEEP_S, _STILL * self._proven.words.sample_time_s):
+            return ""
+        return f"nobody looked for {away_s:.0f} s: this machine was asleep, or the program stopped"
+
+    def stands_still(self, look: BlockSnapshot) -> str:
+        """Return that the CPU is in STOP, or nothing new has come for long; takes note of what is new."""
+        now = self._peer.clock.now_s()
         if runs(look) is False:
-            return True
+            return "the CPU is in STOP"
         if self._is_new(look):
             self._moved = now
-        return now - self._moved > max(_STILL_S, _STILL * self._proven.words.sample_time_s)
+        still = now - self._moved <= max(_STILL_S, _STILL * self._proven.words.sample_time_s)
+        return "" if still else "the CPU runs no scan"
 
     def see(self, look: BlockSnapshot) -> str:
         """Take a reading; return why the words have to be taken back, nothing where they need not."""
@@ -286,6 +296,7 @@ class _Watch:
             self._content, self._changed_s = look.content, self.seconds
         problem = reading_problem(seen, self._sensor_degC)
         problem = problem or ("" if math.isfinite(asked) else "the setpoint is not a number")
+        problem = problem or ("" if math.isfinite(self._power(look)) else "the power is not a number")
         self._unusable_row = self._unusable_row + 1 if problem else 0
         if problem:
             self._unusable += 1
@@ -352,7 +363,12 @@ class _Watch:
         """Return why the sensor is frozen; empty where it need not be, or where the block does not show the power."""
         if "power" not in self._peer.standing.block.signals:
             return ""
-        return self._still.see(self.seconds, degC, self._peer.standing.signal(look.content, "power"))
+        return self._still.see(self.seconds, degC, self._power(look))
+
+    def _power(self, look: BlockSnapshot) -> float:
+        """Return the power that the block shows [%]; 0 where it shows none."""
+        there = self._peer.standing
+        return there.signal(look.content, "power") if "power" in there.block.signals else 0.0
 
     def unsure(self) -> str:
         """Return why the whole watch shows nothing; empty where it shows that the words do well."""
@@ -361,7 +377,8 @@ class _Watch:
         if not self._unusable <= _DISTURBED * self._count:
             return f"{count(self._unusable, 'reading')} of {self._unusable + self._count} could not be used"
         still_s = self.seconds - self._changed_s
-        if self._last is not None and self._last.status is None and not still_s < _NOTHING_NEW * self.duration_s:
+        told = self._last is not None and (self._last.status is not None or self._last.life.stamp is not None)
+        if self._last is not None and not told and not still_s < _NOTHING_NEW * self.duration_s:
             return (f"no byte of the block has changed for {still_s:.0f} s: a CPU that stands, a frozen sensor and a "
                     "loop at rest look the same")
         return ""
@@ -371,9 +388,7 @@ class _Watch:
         return Band.of(self._proven, asked, seen, slope * self._carried_s)
 
     def _is_new(self, look: BlockSnapshot) -> bool:
-        if self._last is None or self._last.status is None or look.status is None:
-            return True
-        return bool(look.status.scans != self._last.status.scans)
+        return self._last is None or look.is_new(self._last) is not False
 
     def ended(self, outside: str = "", early: str = "") -> WatchResult:
         """Return the end."""

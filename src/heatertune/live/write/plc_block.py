@@ -5,15 +5,15 @@ Reads are repeated after a failure; a write is sent once.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 from heatertune.errors import InputError, LinkDown, LinkError, PlcRefused, ReplyLost
 from heatertune.live.block_memory import Signal, bytes_of, field_of
-from heatertune.live.client.connection import Address, Client, ClosesOnExit, connect, told_by
+from heatertune.live.client.connection import Address, Client, ClosesOnExit, SignOfLife, connect, told_by
 from heatertune.live.controller_block import SERVED, ServedBlock, block_for
+from heatertune.live.hold import HOST, Clock
 from heatertune.live.simulator_status import RUNS, SimulatorStatus
 from heatertune.plc import Controller, Words, controller_for
 from heatertune.plc.ramp import Number
@@ -211,6 +211,7 @@ def _spans(block: ServedBlock) -> tuple[tuple[int, int], ...]:
 
 _SOON_S: Final = 0.002  # between two looks at a simulator, whose time may go fast
 _LEAST_WAIT_S: Final = 5.0
+_NOTHING_TOLD: Final = SignOfLife()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -221,11 +222,13 @@ class LinkSettings:
         tries: connections that are tried, one after the other, where one is lost.
         pause_s: before each but the first [s].
         timeout_s: after which an answer is lost [s].
+        clock: of this machine.
     """
 
     tries: int = 5
     pause_s: float = 1.0
     timeout_s: float = 2.0
+    clock: Clock = field(default_factory=lambda: HOST)
 
 
 @dataclass(frozen=True, slots=True)
@@ -237,12 +240,20 @@ class BlockSnapshot:
         values: the words in them.
         told: the simulator's own block; None: this is none.
         time_s: of the plant where the simulator tells it, else of this machine [s].
+        life: what the protocol tells of the CPU, where this is no simulator.
     """
 
     content: bytes
     values: Mapping[str, Number]
     status: SimulatorStatus | None
     time_s: float
+    life: SignOfLife = _NOTHING_TOLD
+
+    def is_new(self, last: BlockSnapshot) -> bool | None:
+        """Return whether this is of another scan than the last look, None where nothing tells."""
+        if self.status is not None and last.status is not None:
+            return bool(self.status.scans != last.status.scans)
+        return self.life.is_new(last.life)
 
     def to_document(self) -> dict[str, Any]:
         """Return it as a record has it."""
@@ -251,7 +262,14 @@ class BlockSnapshot:
 
 
 class Peer(ClosesOnExit):
-    """A PLC; it is connected to when it is first asked."""
+    """A PLC; it is connected to when it is first asked.
+
+    Attributes:
+        address: of the PLC.
+        standing: what is there.
+        clock: of this machine.
+        moved: whether a look has shown anything else than the first one; if not, all may be a gateway's copy.
+    """
 
     def __init__(self, address: Address, standing: BlockImage, interval_s: float,
                  link: LinkSettings | None = None) -> None:
@@ -265,7 +283,10 @@ class Peer(ClosesOnExit):
         """
         self.address, self.standing, self._interval_s = address, standing, interval_s
         self._link, self._client = link or LinkSettings(), None
+        self.clock = self._link.clock
         self._simulated: bool | None = None
+        self._first: BlockSnapshot | None = None
+        self.moved = False
 
     _client: Client | None
 
@@ -277,7 +298,7 @@ class Peer(ClosesOnExit):
         """
         for number in range(self._link.tries):
             if number:
-                time.sleep(self._link.pause_s)
+                self.clock.sleep(self._link.pause_s)
             try:
                 return self._look()
             except PlcRefused:
@@ -291,8 +312,12 @@ class Peer(ClosesOnExit):
         client, at = self._connected(), self.standing
         content = at.read(client)
         told = self._told(client)
-        seen = time.monotonic() if told is None else told.intervals * told.interval_s
-        return BlockSnapshot(content, at.values(content), told, seen)
+        seen = self.clock.now_s() if told is None else told.intervals * told.interval_s
+        life = client.sign_of_life() if told is None else _NOTHING_TOLD
+        look = BlockSnapshot(content, at.values(content), told, seen, life)
+        first = self._first = self._first or look
+        self.moved = self.moved or content != first.content or look.is_new(first) is True
+        return look
 
     def _told(self, client: Client) -> SimulatorStatus | None:
         if self._simulated is False:
@@ -326,20 +351,20 @@ class Peer(ClosesOnExit):
             LinkError: as `look`.
         """
         if since.status is None:
-            time.sleep(scans * self._interval_s)
+            self.clock.sleep(scans * self._interval_s)
             return self.look()
-        ends = time.monotonic() + max(_LEAST_WAIT_S, 2.0 * scans * self._interval_s)
+        ends = self.clock.now_s() + max(_LEAST_WAIT_S, 2.0 * scans * self._interval_s)
         while True:
             look = self.look()
             if look.status is None or look.status.scans - since.status.scans >= scans or not runs(look):
                 return look
-            if time.monotonic() > ends:
+            if self.clock.now_s() > ends:
                 return look
-            time.sleep(_SOON_S)
+            self.clock.sleep(_SOON_S)
 
     def pause(self) -> None:
         """Wait until the next look is worth its while."""
-        time.sleep(_SOON_S if self._simulated else 0.5 * self._interval_s)
+        self.clock.sleep(_SOON_S if self._simulated else 0.5 * self._interval_s)
 
     def close(self) -> None:
         """Close the connection, if there is one."""
@@ -350,4 +375,4 @@ class Peer(ClosesOnExit):
 
 def runs(look: BlockSnapshot) -> bool | None:
     """Return whether the CPU runs, None where nobody tells."""
-    return None if look.status is None else bool(look.status.status & RUNS)
+    return look.life.runs if look.status is None else bool(look.status.status & RUNS)

@@ -232,14 +232,17 @@ def _bits(proven: ProvenWords, standing: BlockImage, look: BlockSnapshot) -> Ite
 def _moves(looks: tuple[BlockSnapshot, BlockSnapshot]) -> Check:
     first, second = looks
     name = "CPU"
-    if second.status is None or first.status is None:
-        moved = first.content != second.content
-        return Check(name, True if moved else None, "the block moves" if moved else
-                     "nothing in the block moved in two scans: look whether it runs")
-    if not runs(second):
+    if runs(second) is False:
         return Check(name, False, "is in STOP")
-    moved = second.status.scans > first.status.scans
-    return Check(name, moved, "runs, a simulator" if moved else "says that it runs, but no scan came")
+    if second.status is not None and first.status is not None:
+        new = second.is_new(first)
+        return Check(name, new, "runs, a simulator" if new else "says that it runs, but no scan came")
+    told = second.is_new(first)
+    if first.content != second.content if told is None else told:
+        return Check(name, True, "the block moves")
+    if runs(second):
+        return Check(name, True, "says that it runs")
+    return Check(name, None, "nothing in the block moved in two scans: look whether it runs")
 
 
 def interval_found(standing: BlockImage, look: BlockSnapshot, said: Declared) -> tuple[float | None, str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from datetime import datetime
 from pathlib import Path
@@ -14,7 +14,7 @@ import numpy as np
 from heatertune.codec import data_folder, decode, read_document
 from heatertune.errors import DocumentError, HeatertuneError, InputError, LinkError
 from heatertune.live.client.connection import Address, address_of
-from heatertune.live.plc_state import PlcState
+from heatertune.live.hold import Hold, WayBackPart, new_way_back
 from heatertune.live.write.plc_block import BlockImage, BlockSnapshot, LinkSettings, Peer, WritePart, block_image
 from heatertune.live.write.proven_words import LEAST_YES, read_proven
 from heatertune.live.write.write_record import MOST_WRITES, Budget, Lines, WriteRecord, read_lines
@@ -27,7 +27,7 @@ from heatertune.proof.words_file import words_in, words_of
 
 __all__ = [
     "Before", "became", "before_of", "inspect_write", "not_proven", "record_outcome", "rolled_back", "stands",
-    "unfinished_records", "written_in",
+    "written_in",
 ]
 
 
@@ -113,20 +113,11 @@ def stands(before: Values, after: Values, found: Values, names: list[str]) -> tu
     return WriteOutcome.PARTLY, "; ".join([*told, *(["by somebody else: " + ", ".join(others)] if others else [])])
 
 
-def unfinished_records(folder: Path, address: Address) -> Iterator[Lines]:
-    """Return the records in a folder of writes to an address that never ended; what is no record is passed over."""
-    for path in sorted(folder.glob("write_*.jsonl")):
-        try:
-            lines = read_lines(path)
-        except DocumentError:  # a kill before its first line: nothing was sent
-            continue
-        if lines.begin["address"] == address.text and not lines.complete:
-            yield lines
-
-
 def record_outcome(lines: Lines, look: BlockSnapshot) -> str:
     """Record what became of a write that never ended, and return it, a sentence."""
     ended = became(before_of(lines.path), look)
+    if lines.complete:
+        return f"{lines.path.name}: {ended.message}"
     with WriteRecord(lines.path, torn=lines.torn) as record:
         record.write_line("end", **ended.to_document())
     return f"{lines.path.name}: {ended.message}"
@@ -151,7 +142,7 @@ def inspect_write(before: Before, link: LinkSettings | None = None) -> WriteEnd:
     """
     with Peer(before.address, before.image, before.interval_s, link) as peer:
         ended = became(before, peer.look())
-    if (left_s := PlcState(before.address).late_left_s()) and ended.outcome is not WriteOutcome.UNWATCHED:
+    if (left_s := Hold(before.address).stored_left_s) and ended.outcome is not WriteOutcome.UNWATCHED:
         return WriteEnd(WriteOutcome.UNKNOWN,
                         f"{ended.message}; a request without an answer may still arrive: look again in "
                      f"{left_s:.0f} s", ended.stands)
@@ -211,9 +202,9 @@ def rolled_back(
         raise InputError(f"--confirm: {found}; expected the first digits of the digest, {before.yes}")
     budget = Budget(before.address, before.image.number, most_writes)
     peer = Peer(before.address, before.image, before.interval_s, link)
-    state = PlcState(before.address)
-    state.demand_no_way_back()
-    with state.lock("rollback"), peer, WriteRecord(before.lines.path, torn=before.lines.torn) as record:
+    hold = Hold(before.address, peer.clock)
+    with hold.lock("rollback"), peer, WriteRecord(before.lines.path, torn=before.lines.torn) as record:
+        _demand_own_hold(hold, before)
         try:
             now = became(before, peer.look())
         except LinkError as problem:
@@ -221,11 +212,29 @@ def rolled_back(
         if not unproven and now.stands is not None and (why := not_proven(before, now.stands)):
             raise InputError(f"what would be put back is not proven: {why}; --unproven puts it back all the same")
         record.write_line("rollback", stands=dict(now.stands or {}), told=now.message)
-        ended = Writer(peer, record, budget).restore(before.parts, before.before, before.after, "restored as requested")
+        parts = [WayBackPart(part.start, part.before, {part.after}) for part in before.parts]
+        begun = hold.resume()
+        hold.open(replace(new_way_back("rollback", before.address, before.image.number, parts,
+                                       before.lines.path.absolute()), sent_s=None if begun is None else begun.sent_s))
+        writer = Writer(peer, hold, record, budget)
+        ended = writer.restore(before.parts, before.before, before.after, "restored as requested")
         if ended.outcome in (WriteOutcome.ROLLED_BACK, WriteOutcome.NOT_DONE) and _is_before(before, ended):
             ended = WriteEnd(WriteOutcome.DONE, ended.message, ended.stands)
-        record.write_line("end", **ended.to_document())
+        ended = writer.end(ended)
+        if ended.outcome is WriteOutcome.PARTLY:  # the user has been told what cannot be put back
+            hold.close()
         return ended
+
+
+def _demand_own_hold(hold: Hold, before: Before) -> None:
+    """Refuse where another command than the write of a record, or a rollback of it, has not ended.
+
+    Raises:
+        InputError: one has not; the message names its end.
+    """
+    found = hold.way_back()
+    if found is not None and (found.command == "experiment" or Path(found.record) != before.lines.path.absolute()):
+        raise InputError(found.message)
 
 
 def _is_before(before: Before, ended: WriteEnd) -> bool:

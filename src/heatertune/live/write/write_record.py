@@ -20,7 +20,7 @@ from typing import Any, Final
 from heatertune.codec import plain
 from heatertune.errors import DocumentError, InputError
 from heatertune.live.client.connection import Address, ClosesOnExit
-from heatertune.live.plc_state import state_folder
+from heatertune.live.hold import state_folder, where_of
 from heatertune.writing import read_bytes, settle
 
 __all__ = [
@@ -167,8 +167,22 @@ def write_new(path: Path, content: bytes) -> None:
 MOST_WRITES: Final = 1000
 
 
+def _count_of(where: str) -> Path:
+    return state_folder() / f"writes-{hashlib.sha256(where.encode()).hexdigest()[:16]}.log"
+
+
+def _lines_of(path: Path) -> list[str]:
+    """Return the lines of a count, none where there is no such file; raise InputError where it cannot be read."""
+    try:
+        return path.read_text(encoding="utf-8", errors="replace").splitlines()
+    except FileNotFoundError:
+        return []
+    except OSError as problem:
+        raise InputError(f"{path}: cannot be read: {problem.strerror}") from None
+
+
 class Budget:
-    """The count of one block of one PLC.
+    """The count of one block of one PLC, however its address is written; earlier releases counted by the text of it.
 
     Attributes:
         path: of its file.
@@ -182,9 +196,10 @@ class Budget:
             number: of the block.
             most: writes of one word.
         """
-        where = f"{address.protocol} {address.host} {address.port} {address.way} {number} {address.block}"
-        self.path = state_folder() / f"writes-{hashlib.sha256(where.encode()).hexdigest()[:16]}.log"
-        self._where, self._most = where, most
+        written = f"{address.protocol} {address.host} {address.port} {address.way} {number} {address.block}"
+        place = address.block if address.protocol == "modbus" else number
+        self._where, self._most = f"{where_of(address)} {address.protocol} {place} {address.node}".strip(), most
+        self.path, self._earlier = _count_of(self._where), _count_of(written)
 
     def counts(self) -> Counter[str]:
         """Return how often each word was written.
@@ -192,12 +207,7 @@ class Budget:
         Raises:
             InputError: the count cannot be read.
         """
-        try:
-            lines = self.path.read_text(encoding="utf-8", errors="replace").splitlines()
-        except FileNotFoundError:
-            return Counter()
-        except OSError as problem:
-            raise InputError(f"{self.path}: cannot be read: {problem.strerror}") from None
+        lines = [line for path in (self.path, self._earlier) for line in _lines_of(path)]
         return Counter(name for line in lines if not line.startswith("#") for name in line.split()[1:])
 
     def spent(self, names: tuple[str, ...]) -> str:

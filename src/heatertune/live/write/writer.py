@@ -5,15 +5,15 @@ Nothing is written twice because an answer was lost: the PLC is asked what stand
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from functools import partial
 from typing import Any, Final
 
 from heatertune.errors import InputError, LinkDown, LinkError, PlcRefused, ReplyLost
-from heatertune.live.plc_state import PlcState
+from heatertune.live.hold import Hold
 from heatertune.live.write.plc_block import BlockImage, BlockSnapshot, Peer, WritePart
 from heatertune.live.write.write_record import Budget, RecordBroken, WriteRecord
 from heatertune.plc.ramp import Number
@@ -24,6 +24,7 @@ Values = Mapping[str, Number]
 _SCANS: Final = 2  # after which a program that writes words of its own has done so
 _ROUNDS: Final = 5  # of taking back what was interrupted, or arrived late
 _PAUSE_S: Final = 1.0  # between two looks for what may still arrive
+_LATE_LOOK_S: Final = 10.0  # after a look, a write over what was seen in it is one over something unknown
 
 
 class WriteOutcome(StrEnum):
@@ -78,7 +79,8 @@ class _Change:
         parts: in their order.
         before, after: all words.
         stored: word → what the device keeps in the place of what was written.
-        pending: words that stood there as before when their part had just been written.
+        pending: words whose part was accepted, and that stood there as before when they were last looked at.
+        tried: parts that were put back.
     """
 
     parts: Sequence[WritePart]
@@ -86,10 +88,18 @@ class _Change:
     after: Values
     stored: dict[str, Number] = field(default_factory=dict)
     pending: set[str] = field(default_factory=set)
+    tried: set[tuple[str, ...]] = field(default_factory=set)
 
     def is_written(self, name: str, value: Number) -> bool:
         """Return whether a word stands there as this change left it."""
         return value == self.after[name] or (name in self.stored and value == self.stored[name])
+
+    def left_of(self, names: Iterable[str], found: Values) -> list[str]:
+        """Return which words stand there as written though they were put back, and take note of neither side's."""
+        left = [name for name in names if self.is_written(name, found[name])]
+        self.stored.update({name: found[name] for name in names
+                            if name not in left and found[name] != self.before[name]})
+        return left
 
     @property
     def names(self) -> list[str]:
@@ -98,23 +108,30 @@ class _Change:
 
 
 class Writer:
-    """What writes to one PLC, and records it."""
+    """What writes to one PLC, and records it.
+
+    Attributes:
+        peer: the PLC.
+        record: that every step goes into first.
+        looks: what was seen before each part was written, and when it was read back.
+    """
 
     def __init__(
-        self, peer: Peer, record: WriteRecord, budget: Budget, progress: Callable[[str], object] = str
+        self, peer: Peer, hold: Hold, record: WriteRecord, budget: Budget, progress: Callable[[str], object] = str
     ) -> None:
         """Take a PLC.
 
         Args:
             peer: the PLC.
+            hold: on it, open.
             record: that every step goes into first.
             budget: that every write is counted in.
             progress: called with a sentence where something takes long.
         """
-        self._peer, self._record, self._budget, self._progress = peer, record, budget, progress
-        self._state = PlcState(peer.address)
+        self.peer, self.record, self._budget, self._progress = peer, record, budget, progress
+        self._hold, self._clock = hold, peer.clock
         self._standing: BlockImage = peer.standing
-        #: what was seen before each part was written, and when it was read back
+        self._looked_s = 0.0
         self.looks: list[BlockSnapshot] = []
 
     def write(self, parts: Sequence[WritePart], before: Values, after: Values) -> WriteEnd:
@@ -133,13 +150,13 @@ class Writer:
             for part in parts:
                 self._expected(expected)
                 sent = True
-                self._put(part)
+                self._put(part, change)
                 self._demand_stored(part.names, change)
                 expected |= {name: after[name] for name in part.names}
             return self._read_back(expected, change)
         except (*_STOPS, KeyboardInterrupt) as stopped:
             why = _why(stopped)
-            self._peer.close()  # what is under way when somebody interrupts must not be taken for another's answer
+            self.peer.close()  # what is under way when somebody interrupts must not be taken for another's answer
             return self._safely(change, why) if sent else WriteEnd(WriteOutcome.NOT_DONE, f"nothing was sent: {why}")
 
     def restore(self, parts: Sequence[WritePart], before: Values, after: Values, why: str) -> WriteEnd:
@@ -153,116 +170,185 @@ class Writer:
         """
         return self._safely(_Change(parts, before, after), why)
 
+    def demand_new(self, before: BlockSnapshot, ended: WriteEnd) -> WriteEnd:
+        """Return the end of a write that is not watched: not done where what was read back may be a gateway's copy.
+
+        Args:
+            before: what was seen before the write.
+            ended: its end.
+        """
+        look = self.looks[-1]
+        written = {name: before.values[name] for name in self._standing.own}
+        if look.is_new(before) or self._standing.with_words(look.content, written) != before.content:
+            return ended
+        return WriteEnd(WriteOutcome.UNWATCHED, f"{ended.message}, but nothing else in the block has moved since: a "
+                        "copy in a gateway and a CPU that stands look the same", ended.stands)
+
+    def end(self, ended: WriteEnd) -> WriteEnd:
+        """Record an end, and close the hold where what stands in the PLC is known to be as it is to stay."""
+        if ended.outcome not in (WriteOutcome.UNKNOWN, WriteOutcome.PARTLY):
+            self._hold.close()
+        try:
+            self.record.write_line("end", **ended.to_document())
+        except RecordBroken as problem:
+            return replace(ended, message=f"{ended.message}; {problem}")
+        return ended
+
     def _safely(self, change: _Change, why: str) -> WriteEnd:
         try:
-            for _ in range(_ROUNDS):
+            self._await(change)
+            for _ in range(_ROUNDS + len(change.parts)):
                 try:
                     ended = self._taken_back(change, why)
                 except KeyboardInterrupt:  # a second one: what was begun is ended all the same
-                    self._peer.close()
+                    self.peer.close()
                     continue
                 if (late := self._late(change, ended)) is not None:
                     return late
             raise LinkDown("again and again, requests have no answer")
         except LinkError as problem:
             return WriteEnd(WriteOutcome.UNKNOWN, f"{why}; whether {', '.join(change.names)} stand there is not known: "
-                         f"{problem}; heatertune rollback {self._record.path} asks again")
+                         f"{problem}; heatertune rollback {self.record.path} asks again")
 
-    def _late(self, change: _Change, ended: WriteEnd) -> WriteEnd | None:
-        """Look at the PLC until no request without an answer can still arrive.
+    def _await(self, change: _Change) -> None:
+        """Wait for what was sent and was not seen: where an earlier part were put back first, it would meet others.
 
-        Returns:
-            The end; None: one has arrived, and what it brought has to be taken back.
+        What stands there meanwhile is a set of words that is proven stable.
 
         Raises:
             LinkError: the PLC cannot be read.
         """
-        if not self._state.late_left_s():
-            return ended
-        self._noted("waiting", told="a request without an answer may still arrive")
+        if change.pending and self._hold.left_s:
+            self._noted("waiting", told=f"{', '.join(sorted(change.pending))} may still arrive")
+        with suppress(KeyboardInterrupt):  # nothing is waited for any more
+            while change.pending and (left_s := self._hold.left_s):
+                self._progress(f"looking for {left_s:.0f} s more whether {', '.join(sorted(change.pending))} arrive")
+                self._clock.sleep(min(_PAUSE_S, left_s))
+                found = self.peer.look().values
+                if arrived := {name for name in change.pending if change.is_written(name, found[name])}:
+                    change.pending.difference_update(arrived)
+                    self._noted("arrived late", stands=dict(found))
+
+    def _late(self, change: _Change, ended: WriteEnd) -> WriteEnd | None:
+        """Look at the PLC until no request can still arrive.
+
+        Returns:
+            The end; None: one has arrived, and what stands there has to be judged again.
+
+        Raises:
+            LinkError: the PLC cannot be read.
+        """
+        if not self._hold.left_s:
+            return self._nothing_more(change, ended) if change.pending else ended
+        self._noted("waiting", told="a request may still arrive")
         try:
-            while left_s := self._state.late_left_s():
+            while left_s := self._hold.left_s:
                 self._progress(f"looking for {left_s:.0f} s more whether a request without an answer still arrives")
-                time.sleep(min(_PAUSE_S, left_s))
-                stands = self._peer.look().values
-                if any(stands[name] == change.after[name] != (ended.stands or {}).get(name) for name in change.names):
-                    self._noted("arrived late", stands=dict(stands))
+                self._clock.sleep(min(_PAUSE_S, left_s))
+                if self._has_arrived(change, ended):
                     return None
+            if self._has_arrived(change, ended):  # later than the last instant at which anything can
+                return None
         except KeyboardInterrupt:
             raise LinkDown("interrupted while a request without an answer may still arrive") from None
-        return WriteEnd(ended.outcome, f"{ended.message}; nothing more has arrived since", ended.stands)
+        return self._nothing_more(change, ended)
+
+    def _nothing_more(self, change: _Change, ended: WriteEnd) -> WriteEnd:
+        if change.pending and not self.peer.moved:
+            raise LinkDown(f"{', '.join(sorted(change.pending))} may have been taken, and nothing in the block has "
+                           "moved since: it may be a copy in a gateway")
+        return replace(ended, message=f"{ended.message}; nothing more has arrived since")
+
+    def _has_arrived(self, change: _Change, ended: WriteEnd) -> bool:
+        """Return whether a word that was written stands there, or does no longer, since an end was found."""
+        found, stands = self.peer.look().values, ended.stands or {}
+        if all(found[name] == stands.get(name) or not (change.is_written(name, found[name])
+               or change.is_written(name, stands[name])) for name in change.names):
+            return False
+        self._noted("arrived late", stands=dict(found))
+        return True
 
     def _demand_left(self, part: WritePart) -> None:
         if spent := self._budget.spent(part.names):
             raise _Stopped(spent)
 
     def _expected(self, expected: Values) -> None:
-        look = self._peer.look()
+        look, self._looked_s = self.peer.look(), self._clock.now_s()
         if unlike := self._unlike(look.values, expected):
             raise _Stopped(f"somebody has changed the words meanwhile: {unlike}")
         self.looks.append(look)
-        self._record.write_line("compared", **look.to_document())
+        self.record.write_line("compared", **look.to_document())
 
     def _unlike(self, found: Values, expected: Values) -> str:
         return ", ".join(f"{name} is {found[name]:g}, not {expected[name]:g}" for name in self._standing.own
                          if found[name] != expected[name])
 
-    def _put(self, part: WritePart, *, back: bool = False) -> None:
+    def _put(self, part: WritePart, change: _Change, *, back: bool = False) -> None:
         """Write a part over what was looked at; raise `_Stopped` where it does not stand there afterwards.
 
         What was before is put back even where that can be neither recorded nor counted.
         """
-        earlier = self._state.late_left_s() > 0.0  # it may still arrive, whatever becomes of this one
+        if not back and not self._clock.passed_s(self._looked_s) <= _LATE_LOOK_S:
+            raise _Stopped("this machine was asleep, or the program stopped, behind the last look")
         with suppress(*((InputError,) if back else ())):
-            self._record.write_line("writing", **part.to_document())
+            self.record.write_line("writing", **part.to_document())
             self._budget.count(part.names)
-            self._state.send()
+            self._hold.note_request()
         try:
-            self._peer.write(part, part.after)
+            self._hold.send(partial(self.peer.write, part, part.after))
         except (PlcRefused, LinkDown) as problem:
-            self._answered(earlier)
-            self._record.write_line("not written", told=str(problem))
+            self.record.write_line("not written", told=str(problem))
             raise _Stopped(str(problem)) from None
         except ReplyLost as problem:
-            self._record.write_line("no answer", told=str(problem))
-            self._decide(part, str(problem))
+            self.record.write_line("no answer", told=str(problem))
+            self._decide(part, str(problem), change)
         else:
-            self._answered(earlier)
-            self._record.write_line("written", names=list(part.names))
+            self.record.write_line("written", names=list(part.names))
 
     def _demand_stored(self, names: Sequence[str], change: _Change) -> None:
         """Look at words that were just written; raise `_Stopped` where the device keeps other values in their place."""
-        found = self._peer.look().values
+        found = self.peer.look().values
         for name in names:
             if found[name] == change.before[name] != change.after[name]:
                 change.pending.add(name)
-            elif not change.is_written(name, found[name]):
+                continue
+            change.pending.discard(name)
+            if not change.is_written(name, found[name]):
                 change.stored[name] = found[name]
         if change.stored:
+            self._own_stored(change)
             kept = ", ".join(f"{name} = {value:g} in place of {change.after[name]:g}"
                              for name, value in change.stored.items())
             raise _Stopped(f"the device keeps {kept}: a limit of its own, or a scale")
 
-    def _answered(self, earlier: bool) -> None:
-        if not earlier:
-            self._state.note_answer()
+        if not change.pending:
+            self._hold.note_stored()
 
-    def _decide(self, part: WritePart, problem: str) -> None:
+    def _own_stored(self, change: _Change) -> None:
+        """Have the way back on the disk hold what the device keeps, too."""
+        look = self.peer.look()
+        for part in change.parts:
+            at = self._standing.at(part.start)
+            if change.stored.keys() & set(part.names):
+                self._hold.add_own(part.start, look.content[at : at + len(part.after)])
+
+    def _decide(self, part: WritePart, problem: str, change: _Change) -> None:
         """Ask the PLC whether a part arrived; raise `_Stopped` where it did not."""
-        look = self._peer.later(self._peer.look(), _SCANS)
+        look = self.peer.later(self.peer.look(), _SCANS)
         begin = self._standing.at(part.start)
         arrived = look.content[begin : begin + len(part.after)] == part.after
-        self._record.write_line("asked", arrived=arrived, **look.to_document())
+        self.record.write_line("asked", arrived=arrived, **look.to_document())
         if not arrived:
+            change.pending.update(part.names)
             raise _Stopped(f"{problem}; two scans later it is not there")
 
     def _read_back(self, expected: Values, change: _Change) -> WriteEnd:
-        first = look = self._peer.look()
+        first = look = self.peer.look()
         self._demand_stored(tuple(change.pending), change)
         for again in (False, True):
-            look = self._peer.later(look, _SCANS) if again else look
+            look = self.peer.later(look, _SCANS) if again else look
             self.looks.append(look)
-            self._record.write_line("read back", again=again, **look.to_document())
+            self.record.write_line("read back", again=again, **look.to_document())
             if unlike := self._unlike(look.values, expected):
                 raise _Stopped(f"read back{' two scans later' if again else ''}, {unlike}")
         if first.status is not None and look.status is not None and look.status.scans - first.status.scans < _SCANS:
@@ -274,17 +360,11 @@ class Writer:
     def _taken_back(self, change: _Change, why: str) -> WriteEnd:
         """Put back, the last part first, the words that stand there as they were written; errors as `Peer.look`."""
         self._noted("taking back", why=why)
-        tried, problems = False, list[str]()
+        problems = list[str]()
         for part in reversed(change.parts):
-            look = self._peer.look()
-            mine = {name: change.before[name] for name in part.names if change.is_written(name, look.values[name])}
-            for back in self._standing.parts(look.content, mine):
-                tried = True
-                try:
-                    self._put(back, back=True)
-                except _STOPS as stopped:
-                    problems.append(_why(stopped))
-        look = self._peer.later(self._peer.look(), _SCANS)
+            if not self._put_back(part, change, problems):
+                break  # an earlier part would meet it out of turn
+        look = self.peer.later(self.peer.look(), _SCANS)
         self._noted("read back", again=True, **look.to_document())
         if left := [name for name in change.names if change.is_written(name, look.values[name])]:
             return WriteEnd(WriteOutcome.PARTLY,
@@ -292,14 +372,39 @@ class Writer:
                          f"back: {'; '.join(problems) or 'somebody has written them again'}", look.values)
         others = self._unlike(look.values, change.before)
         seen = f"; besides, somebody has changed the words: {others}" if others else ""
-        if not tried:
+        if not change.pending:
+            self._hold.note_stored()
+        if not change.tried:
             return WriteEnd(WriteOutcome.NOT_DONE, f"{why}; nothing that was written stands there{seen}", look.values)
         return WriteEnd(WriteOutcome.ROLLED_BACK, f"{why}; what was written is taken back{seen}", look.values)
+
+    def _put_back(self, part: WritePart, change: _Change, problems: list[str]) -> bool:
+        """Put back the words of a part that stand there as written; return whether they are, as far as that is known.
+
+        Args:
+            part: that was written.
+            change: it is part of.
+            problems: that are met are added.
+        """
+        look = self.peer.look()
+        mine = {name: change.before[name] for name in part.names if change.is_written(name, look.values[name])}
+        for back in self._standing.parts(look.content, mine):
+            change.tried.add(part.names)
+            change.pending.difference_update(part.names)
+            try:
+                self._put(back, change, back=True)
+            except _STOPS as stopped:
+                problems.append(_why(stopped))
+        found = self.peer.look().values if mine else look.values
+        if not (unseen := change.left_of(mine, found)) or not self._hold.left_s:
+            return True
+        problems.append(f"{', '.join(unseen)}: accepted, and not there yet")
+        return False
 
     def _noted(self, step: str, **what: Any) -> None:
         """Record a step of taking back, which is made even where it cannot be recorded."""
         with suppress(RecordBroken):
-            self._record.write_line(step, **what)
+            self.record.write_line(step, **what)
 
 
 def _why(stopped: BaseException) -> str:
