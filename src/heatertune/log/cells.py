@@ -157,28 +157,28 @@ def _named(
     return tuple(names)
 
 
-def _without_partial_rows(file: Path, lines: Lines, rows: Grid, kept: Mask, repairs: list[str]) -> Mask:
+def _without_partial_rows(file: Path, lines: Lines, rows: Grid, below: Mask, repairs: list[str]) -> Mask:
     """Return the rows to keep without those with another number of cells: a row that was cut, statistics below.
 
     Many of them within the table may be readings whose commas were taken for separators.
     """
     is_whole, width = rows.whole(), rows.width
-    whole, partial = np.flatnonzero(kept & is_whole), np.flatnonzero(kept & ~is_whole)
+    whole, partial = np.flatnonzero(below & is_whole), np.flatnonzero(below & ~is_whole)
     if not len(partial):
-        return kept
+        return below
     if not len(whole):
         raise LogError("the file holds a header and no readings", file=file, expected="at least 20 rows")
     within = np.count_nonzero(partial < whole[-1])
     first, like = int(partial[0]), int(lines[whole[0]])
     is_above = first < whole[0]  # names that are not as many as the columns, or a reading that was cut
-    if is_above or within > max(_FEW, _FEW_SHARE * kept.sum()) or len(partial) - within > _MOST_BELOW:
+    if is_above or within > max(_FEW, _FEW_SHARE * below.sum()) or len(partial) - within > _MOST_BELOW:
         way = f"--skip-rows {like - 1} skips what is above it" if is_above else "--skip-empty leaves out such rows"
         raise LogError(f"{count(len(rows[first]), 'cell')} in this row", file=file, line=int(lines[first]),
                        expected=f"{width} as in line {like} ({way})")
     shown = ", ".join(str(lines[k]) for k in partial[:_SHOWN_LINES])
     more = f" and {len(partial) - _SHOWN_LINES} more" if len(partial) > _SHOWN_LINES else ""
     repairs.append(f"{count(len(partial), 'row')} with another number of cells left out (line {shown}{more}).")
-    return kept & is_whole
+    return below & is_whole
 
 
 #: begins the first line

@@ -24,6 +24,7 @@ from heatertune.log.quantities import (
     is_day_or_month,
     is_foreign,
     is_hours_or_minutes,
+    is_in_celsius,
     is_number,
     is_quantity,
     is_scaled,
@@ -161,6 +162,9 @@ def _by_name(sheet: Sheet, index: dict[str, int], absent: set[str], notes: list[
             by_role[role].append(i)
     if not by_role.get("time", True) and "time" not in index and (clock := _clock_by_content(sheet, taken)) is not None:
         by_role["time"] = [clock]
+    if not by_role.get("temperature", True) and "temperature" not in index:
+        degrees = [i for i, name in enumerate(sheet.header) if i not in taken and is_in_celsius(name)]
+        by_role["temperature"] = degrees if len(degrees) == 1 else []
     for role, candidates in by_role.items():
         if role in index or not candidates:
             continue
@@ -480,9 +484,13 @@ def likely_time_unit(time: Array) -> str:
     usual = float(time[-1] - time[0]) / max(len(time) - 1, 1)
     if usual > _LONGEST_STEP_S / 10.0 and abs(usual / 60.0 - round(usual / 60.0)) > _UNEVEN:
         return "ms"
-    in_milliseconds, as_minutes = usual * 1e3, usual * 60.0
-    uneven = abs(in_milliseconds - round(in_milliseconds)) > _UNEVEN
-    return "min" if usual < 1.0 and uneven and abs(as_minutes - round(as_minutes)) < _UNEVEN else "s"
+    if usual >= 1.0 or _is_whole(usual * 1e3):
+        return "s"
+    return next((unit for unit in ("min", "h", "d") if _is_whole(usual * TIME_UNITS[unit])), "s")
+
+
+def _is_whole(value: float) -> bool:
+    return value > 0.5 and abs(value - round(value)) <= _UNEVEN
 
 
 def _are_days(values: Array, named: str | None) -> bool:

@@ -22,6 +22,7 @@ from heatertune.log.sheet import CellColumn, Grid
 
 __all__ = [
     "NOTHING", "ROLES", "STAMPS", "is_clock", "is_date", "is_day_or_month", "is_foreign", "is_hours_or_minutes",
+    "is_in_celsius",
     "is_number", "is_quantity", "is_scaled", "is_second_choice", "is_switch_word", "join_decimals", "month_first",
     "month_or_day_first", "on_or_off", "plain_name", "plain_quantities", "role_of", "says_nothing", "stamp",
     "unit_in_name",
@@ -91,8 +92,12 @@ _UNITS: Final[dict[str, tuple[tuple[str, re.Pattern[str]], ...]]] = {
     ),
 }
 
-#: the range of a power, as parsers of formats write it
-_FULL_SCALE: Final = re.compile(r"\[0\.\.\.(\d+)\]")
+#: the range of a power in its name, of those that devices have: [0...127], (0-4095), [-255…255]
+_FULL_SCALE: Final = re.compile(
+    r"[\[(] *(?:0|-(?=(\d+)\D+\1 *[\])])\d+) *(?:\.\.\.?|…|–|-|to|bis) *"
+    r"(1|100|127|255|1000|1023|4095|10000|27648|32767|65535) *[\])]")
+#: a column of a recorder whose name says nothing but its unit: CH0001 [C]
+_IN_CELSIUS: Final = re.compile(r"[\[(] ?C ?[\])]$")
 #: units that are neither a temperature, a time nor a share of full power
 _FOREIGN: Final[dict[str, re.Pattern[str]]] = {
     "temperature": re.compile(r"%|pct|percent|counts?\b|\badc\b|[\[(/ ]m?[va][\])]?$|ohm|ω|\bbar\b"),
@@ -119,6 +124,11 @@ def role_of(name: str) -> str | None:
     return next((role for role, pattern in _NAMES.items() if pattern.search(plain)), None)
 
 
+def is_in_celsius(name: str) -> bool:
+    """Return whether a name that denotes no role ends with the unit of a temperature, CH0001 [C]."""
+    return role_of(name) is None and _IN_CELSIUS.search(plain_name(name)) is not None
+
+
 def is_second_choice(name: str) -> bool:
     """Return whether a column is taken for its role only where nothing else has it."""
     return _SECOND_CHOICE.search(plain_name(name)) is not None
@@ -129,7 +139,7 @@ def unit_in_name(role: str, name: str) -> str | None:
     lower = _CAPITALISED.sub(" ", plain_name(name)).lower()
     patterns = _UNITS.get("temperature" if role == "setpoint" else role, ())
     if role == "power" and (full := _FULL_SCALE.search(lower)) is not None:
-        return full[1]
+        return full[2]
     units = (unit for unit, pattern in patterns if pattern.search(lower))
     return next(units, None)
 

@@ -270,8 +270,8 @@ def read_log(
     wanted |= {role: column for role, column in sides.items() if column is not None}
     tags = TagSelection(
         temperature=None if sheet.part else asked.tag, power=asked.power_tag, setpoint=asked.setpoint_tag,
-        column=asked.tag_column,
-        quality=asked.quality_column, value=asked.temperature_column, time=asked.time_column, date=asked.date_column)
+        column=asked.tag_column, quality=asked.quality_column, value=asked.temperature_column, time=asked.time_column,
+        date=asked.date_column)
     tagged = by_tags(sheet, tags, asked.time_unit)
     if tagged.is_long:
         _demand_no_sides(sheet, wanted, tagged.unused)
@@ -306,12 +306,12 @@ def read_log(
         ambient_degC=None if room is None else room[kept])
     series, continued, late_s = _put_back(series, edges[kept], tagged.lost_s, repairs, recorded=sheet.recorded,
                                            power_every_s=sheet.power_every_s)
-    lines = np.abs(sheet.lines)[kept][continued]
-    tell_gaps(series.time_s, lines, power is not None, doubts)
+    tell_gaps(series.time_s, np.abs(sheet.lines)[kept][continued], power is not None, doubts)
     taken = taken_of(
         table.name if table else display_name(Path(source).name), sheet, columns, tagged, time=series.time_s,
         written=FileNotation(clock, unit, power, stated_units(asked)),
-        counts=RowCounts(read=len(time), repeats=repeats, filled=filled + held, put_back=len(lines) - int(kept.sum())),
+        counts=RowCounts(read=len(time), repeats=repeats, filled=filled + held,
+                         put_back=len(continued) - int(kept.sum())),
         options={"sample_time_s": asked.sample_time_s, "run": chosen_run, "skip_empty": asked.skip_empty,
                  "errata": asked.errata, "skip_rows": max(asked.skip_rows, sheet.above),
                  "temperature_scale": asked.temperature_scale, "decimal_comma": asked.decimal_comma,

@@ -212,11 +212,11 @@ class _Writer:
         return CellColumn(TextParts("\n".join(self._parts), np.concatenate([[0], ends[:-1]]), ends - 1))
 
 
-def drained(items: list[list[str]]) -> Iterator[list[str]]:
+def drained(rows: list[list[str]]) -> Iterator[list[str]]:
     """Yield all of a list, and leave it empty: what was yielded need not be held."""
-    items.reverse()
-    while items:
-        yield items.pop()
+    rows.reverse()
+    while rows:
+        yield rows.pop()
 
 
 class Grid(Sequence[list[str]]):
@@ -277,15 +277,15 @@ class Grid(Sequence[list[str]]):
         mask[[k for k, row in self.aside.items() if len(row) != self.width]] = False
         return mask
 
-    def taken(self, kept: Mask) -> tuple[CellColumn, ...]:
+    def taken(self, wanted: Mask) -> tuple[CellColumn, ...]:
         """Return the columns of some rows, of which all are as wide as most."""
         usual = self._usual()
-        aside = [k for k in self._places if kept[k]]
+        aside = [k for k in self._places if wanted[k]]
         if not aside:
-            return tuple(column.taken(kept[usual]) for column in self.columns)
-        places = np.concatenate([usual[kept[usual]], aside])
+            return tuple(column.taken(wanted[usual]) for column in self.columns)
+        places = np.concatenate([usual[wanted[usual]], aside])
         order = np.argsort(places, kind="stable")
-        return tuple(CellColumn.of(chain(column.taken(kept[usual]), (self.aside[k][i] for k in aside))).taken(order)
+        return tuple(CellColumn.of(chain(column.taken(wanted[usual]), (self.aside[k][i] for k in aside))).taken(order)
                      for i, column in enumerate(self.columns))
 
     def _usual(self) -> Rows:
