@@ -57,7 +57,8 @@ def killed(line, path, grown):
 def whole(path):
     """Hold a log to have whole rows alone but for the torn ones that are marked, each later than the one before."""
     rows = [line.split(",") for line in path.read_text().split("\n")[:-1] if line[:1].isdigit() and not line.endswith("#torn")]
-    assert read_sheet(path).rows == rows
+    sheet = read_sheet(path)
+    assert [sheet.row(k) for k in range(len(sheet))] == rows
     assert {len(row) for row in rows} <= {4}
     times = [float(row[0]) for row in rows]
     assert times == sorted(set(times))

@@ -65,4 +65,28 @@ def test_the_instant_from_which_it_is_another_heater_is_named_and_the_cut_log_is
 @pytest.mark.long
 def test_a_reset_or_a_second_heater_does_not_make_a_wrong_gain(kind):
     word, message = whose_heater.verdict_of(kind, whose_heater.draw(kind, "loop", 0))
-    assert word == "fitted", message
+    # nothing is to be cut out after a reset; a second heater is told with the option that cuts it out, which is tried here
+    assert word == {"reset": "fitted", "second": "told and cut"}[kind], message
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.long
+def test_a_second_heater_is_told_with_its_instant_and_the_option_that_cuts_it_out(seed):
+    drawn = whose_heater.draw("second", "steps", seed)
+    _, holds, message = whose_heater.fitted_or_refused(drawn)
+    assert holds
+    told = re.search(r"At ([\d.]+) s an unlogged load.*--until (\d+) leaves it out", message)
+    assert told, message
+    assert abs(float(told[1]) - drawn.at) < 0.02 * drawn.length
+    outcome, holds, message = whose_heater.fitted_or_refused(drawn, until_s=float(told[2]))
+    assert outcome != "refused"
+    assert holds
+    assert "unlogged load" not in message
+
+
+@pytest.mark.long
+def test_thresholds_that_are_not_stated_are_told_as_the_range_that_holds_them():
+    drawn = two_level.draw(9)
+    notes = " ".join(fit((drawn.time_s, drawn.temperature)).notes)
+    low, high = map(float, re.search(r"they lie within (-?[\d.]+) to (-?[\d.]+) °C", notes).groups())
+    assert low <= drawn.low < drawn.high <= high

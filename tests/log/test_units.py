@@ -259,3 +259,27 @@ def test_a_factor_of_the_temperature_is_the_users_and_is_repeated(tmp_path):
     assert again.temperature_degC.tolist() == log.temperature_degC.tolist()
     fahrenheit = read_log(path, temperature_scale=0.2, temperature_unit="degF")
     assert fahrenheit.temperature_degC[0] == pytest.approx((40.6 - 32) / 1.8)
+
+
+@pytest.mark.parametrize(("name", "full"), [
+    ("Output (0-4095)", "4095"), ("Out [0…27648]", "27648"), ("H-bridge output [-255...255]", "255"), ("Heat (0 to 1000)", "1000"),
+    ("OP [-100...50]", None), ("Heater (0-3)", None), ("Heating (0-300)", None), ("Heater [0-10 V]", None), ("out (4-20)", None),
+])
+def test_the_range_in_a_powers_name_is_its_full_scale_where_devices_have_such_a_one(name, full):
+    assert unit_in_name("power", name) == full
+
+
+@pytest.mark.parametrize(("per_second", "unit"), [(1.0, "s"), (1e3, "ms"), (1 / 60.0, "min"), (1 / 3600.0, "h"), (1 / 86400.0, "d")])
+def test_a_time_whose_interval_is_round_in_one_unit_is_proposed_in_it(per_second, unit):
+    rows = "\n".join(f"{2 * k * per_second!r},{25 + min(k, 60) / 4},{60 if k > 9 else 0}" for k in range(100))
+    log = read_log("log.csv", content=f"elapsed,Temp [°C],Power [%]\n{rows}\n".encode(), time_column="elapsed")
+    assert log.taken.assumed == {"time": f"--time-unit {unit}"}
+
+
+def test_a_recorders_channel_whose_name_says_nothing_but_degrees_is_the_temperature():
+    rows = "\n".join(f"{2 * k},{25 + min(k, 60) / 4},{60 if k > 9 else 0},{k % 7}" for k in range(100))
+    header = "time [s],CH0001 [C],CH0002 [%],CH0003"
+    log = read_log("dx.csv", content=f"{header}\n{rows}\n".encode(), power_column="CH0002")
+    assert log.taken.columns["temperature"] == ("'CH0001 [C]'", "°C")
+    with pytest.raises(LogError, match="no column is a temperature"):  # two of them: which is the heater's?
+        read_log("dx.csv", content=f"{header} [C]\n{rows}\n".encode(), power_column="CH0002")

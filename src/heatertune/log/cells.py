@@ -10,12 +10,16 @@ from __future__ import annotations
 import codecs
 import csv
 import re
+from array import array
 from collections import Counter
-from collections.abc import Iterator, MutableSequence, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from itertools import combinations, takewhile
 from pathlib import Path
 from typing import Final
+
+import numpy as np
+import numpy.typing as npt
 
 from heatertune.errors import LogError
 from heatertune.log.formats import BINARY_FORMATS, TEXT_FORMATS
@@ -30,6 +34,7 @@ from heatertune.log.quantities import (
     says_nothing,
     stamp,
 )
+from heatertune.log.sheet import Grid, Sheet, TextParts, drained
 from heatertune.units import count
 from heatertune.writing import read_bytes
 
@@ -37,7 +42,6 @@ __all__ = [
     "MARK",
     "SWITCHED",
     "TORN",
-    "Sheet",
     "is_number",
     "plain_cells",
     "pwm_period_of",
@@ -46,6 +50,8 @@ __all__ = [
     "without_torn",
 ]
 
+Lines = npt.NDArray[np.int64]
+Mask = npt.NDArray[np.bool_]
 
 _UNIT: Final = re.compile(
     r"[\[(]?(m?s|sec|min|h|°?[CFK]|deg ?[CF]|%|pct|m?V|m?A|k?W|[-–/]|bool|u?s?d?l?int|l?real|float|d?word|string"
@@ -60,21 +66,13 @@ _MOST_BELOW: Final = 40  # lines below a table: means, extremes, a signature
 _SHOWN_LINES: Final = 5
 
 
-def take_header(
-    file: Path, lines: MutableSequence[int], rows: list[list[str]], repairs: list[str]
-) -> tuple[tuple[str, ...], int, int]:
-    """Remove all lines above the readings, and rows that are not whole.
-
-    Return the column names with units, the number of the last line above them, and how many rows were removed.
-
-    Raises:
-        LogError: many rows with a different number of cells from the readings.
-    """
-    width = Counter(len(row) for row in rows[-_HEADER_SAMPLE:]).most_common(1)[0][0]
+def take_header(lines: Lines, rows: Grid, repairs: list[str]) -> tuple[tuple[str, ...], int, Mask]:
+    """Return the column names with units, the number of the last line above them, and the rows below, shape (n,)."""
+    width = rows.width
     empty = [name for name in rows[0][width:] if name]
     if empty and _is_words(rows[0]) and not any(map(role_of, empty)):  # LabVIEW names a comment that no row holds
         repairs.append(f"No row has cells for {', '.join(map(repr, empty))}.")
-        rows[0] = rows[0][:width]
+        rows.aside[0] = rows[0][:width]
     first = _first_reading(rows, width)
     words = [k for k in range(first) if len(rows[k]) == width and _is_words(rows[k])]
     chosen = _names_row(rows, words)
@@ -84,15 +82,18 @@ def take_header(
         begin = next((k for k in range(first) if not _is_title(rows[k], width)), first)
     names = () if chosen is None else _named(lines, rows, chosen, [k for k in words if k > chosen], repairs)
     titles = begin if chosen is None else chosen
-    above = lines[titles - 1] if titles else 0
+    above = int(lines[titles - 1]) if titles else 0
     if titles:
         repairs.append(f"{count(titles, 'title line')} above the table skipped (up to line {above}).")
-    del rows[:begin], lines[:begin]
-    _drop_repeats(names, lines, rows, repairs)
-    return names, above, _drop_partial_rows(file, lines, rows, width, repairs)
+    kept = np.arange(len(rows)) >= begin
+    again = [k for k in rows.find(names) if k >= begin] if names else []  # as written when a logger restarts
+    if again:
+        repairs.append(f"{count(len(again), 'repeat')} of the header skipped (line {lines[again[0]]}).")
+        kept[again] = False
+    return names, above, kept
 
 
-def _first_reading(rows: Sequence[list[str]], width: int) -> int:
+def _first_reading(rows: Grid, width: int) -> int:
     """Return the first row that looks like those at the end of the file."""
     sample = [row for row in rows[-_HEADER_SAMPLE:] if len(row) == width]
     values = [i for i in range(width) if sum(_is_value(row[i]) for row in sample) >= 0.5 * len(sample)]
@@ -112,7 +113,7 @@ def _is_words(row: Sequence[str]) -> bool:
     return not any(map(_is_value, row))
 
 
-def _names_row(rows: Sequence[list[str]], words: Sequence[int]) -> int | None:
+def _names_row(rows: Grid, words: Sequence[int]) -> int | None:
     """Return which row of words names the columns: the one with the most roles, the last of equals."""
     if not words:
         return None
@@ -136,13 +137,8 @@ def _is_title(row: Sequence[str], width: int) -> bool:
     return not is_reading and not (len(row) > 1 and any(map(role_of, row)))
 
 
-def _other_width(file: Path, line: int, row: Sequence[str], width: int, like: int) -> LogError:
-    expected = f"{width} as in line {like} (--skip-empty leaves out such rows)"
-    return LogError(f"{count(len(row), 'cell')} in this row", file=file, line=line, expected=expected)
-
-
 def _named(
-    lines: Sequence[int], rows: Sequence[list[str]], chosen: int, below: Sequence[int], repairs: list[str]
+    lines: Lines, rows: Grid, chosen: int, below: Sequence[int], repairs: list[str]
 ) -> tuple[str, ...]:
     """Return the names, with the units of a row below them."""
     names = list(rows[chosen]) if all(rows[chosen]) else _without_word(rows[chosen])
@@ -161,43 +157,28 @@ def _named(
     return tuple(names)
 
 
-def _drop_repeats(names: Sequence[str], lines: MutableSequence[int], rows: list[list[str]], repairs: list[str]) -> None:
-    """Remove rows that repeat the column names, as written when a logger restarts."""
-    again = [k for k, row in enumerate(rows) if row[0] == names[0] and tuple(row) == tuple(names)] if names else []
-    if again:
-        repairs.append(f"{count(len(again), 'repeat')} of the header skipped (line {lines[again[0]]}).")
-    for k in reversed(again):
-        del rows[k], lines[k]
-
-
-def _drop_partial_rows(
-    file: Path, lines: MutableSequence[int], rows: list[list[str]], width: int, repairs: list[str]
-) -> int:
-    """Remove rows with another number of cells: a row that was cut, statistics below the table; return how many.
+def _without_partial_rows(file: Path, lines: Lines, rows: Grid, below: Mask, repairs: list[str]) -> Mask:
+    """Return the rows to keep without those with another number of cells: a row that was cut, statistics below.
 
     Many of them within the table may be readings whose commas were taken for separators.
     """
-    whole = [k for k, row in enumerate(rows) if len(row) == width]
-    partial = [k for k, row in enumerate(rows) if len(row) != width]
-    if not partial:
-        return 0
-    if not whole:
+    is_whole, width = rows.whole(), rows.width
+    whole, partial = np.flatnonzero(below & is_whole), np.flatnonzero(below & ~is_whole)
+    if not len(partial):
+        return below
+    if not len(whole):
         raise LogError("the file holds a header and no readings", file=file, expected="at least 20 rows")
-    within = [k for k in partial if k < whole[-1]]
-    is_above = partial[0] < whole[0]  # names that are not as many as the columns, or a reading that was cut
-    if is_above or len(within) > max(_FEW, _FEW_SHARE * len(rows)) or len(partial) - len(within) > _MOST_BELOW:
-        error = _other_width(file, lines[partial[0]], rows[partial[0]], width, lines[whole[0]])
-        if is_above:
-            skipped = f"{width} as in line {lines[whole[0]]} (--skip-rows {lines[whole[0]] - 1} skips what is above it)"
-            error = LogError(f"{count(len(rows[partial[0]]), 'cell')} in this row", file=file, line=lines[partial[0]],
-                             expected=skipped)
-        raise error
+    within = np.count_nonzero(partial < whole[-1])
+    first, like = int(partial[0]), int(lines[whole[0]])
+    is_above = first < whole[0]  # names that are not as many as the columns, or a reading that was cut
+    if is_above or within > max(_FEW, _FEW_SHARE * below.sum()) or len(partial) - within > _MOST_BELOW:
+        way = f"--skip-rows {like - 1} skips what is above it" if is_above else "--skip-empty leaves out such rows"
+        raise LogError(f"{count(len(rows[first]), 'cell')} in this row", file=file, line=int(lines[first]),
+                       expected=f"{width} as in line {like} ({way})")
     shown = ", ".join(str(lines[k]) for k in partial[:_SHOWN_LINES])
     more = f" and {len(partial) - _SHOWN_LINES} more" if len(partial) > _SHOWN_LINES else ""
     repairs.append(f"{count(len(partial), 'row')} with another number of cells left out (line {shown}{more}).")
-    for k in reversed(partial):
-        del rows[k], lines[k]
-    return len(partial)
+    return below & is_whole
 
 
 #: begins the first line
@@ -246,51 +227,9 @@ _UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 _SAMPLE = 50  # lines looked at to find the separator
 _FEW_LINES: Final = 20
 _SEPARATOR_LINE: Final = re.compile(r'[" ]*sep=[;,\t|][" ]*', re.IGNORECASE)  # written by spreadsheets
-_MOST_TEXTS: Final = 4096  # different cells of a column
 _MARKS: Final = ("\t", ";", "|", ",")
 _ALIKE: Final = 0.05
 _MOST_WORDS: Final = 0.6
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Sheet:
-    """Cells of one file.
-
-    Attributes:
-        file: its path.
-        header: column names with their units, empty if the file has none.
-        comment: cells of the comment directly above the readings, one for each column, or empty.
-        rows: cells, all of one length.
-        lines: line number of each row, 1 = first line of the file.
-        repairs: changes and skipped content, one sentence each.
-        units: common unit of the cells of each column, or empty.
-        above: lines above the column names, or above the readings of unnamed columns.
-        pwm_period_s: PWM period stated in a recording, 0 if unknown [s].
-        recorded: whether `heatertune record` wrote it; its rows are readings even if the value did not change.
-        lost: number of rows that were left out as damaged or not whole.
-        part: part of the file that the user asked for by a tag: a sheet of a workbook.
-        sessions: line number with which each session of a program begins, if there are several.
-        session: the session that is read if the user asks for none, 1 = first.
-    """
-
-    file: str
-    header: tuple[str, ...]
-    comment: tuple[str, ...]
-    rows: list[list[str]]
-    lines: Sequence[int]
-    repairs: tuple[str, ...]
-    units: tuple[str, ...] = ()
-    above: int = 0
-    pwm_period_s: float = 0.0
-    recorded: bool = False
-    lost: int = 0
-    part: str = ""
-    sessions: tuple[int, ...] = ()
-    session: int | None = None
-
-    def picked(self, places: Sequence[int]) -> Sheet:
-        """Return some of the rows, in the order given."""
-        return replace(self, rows=[self.rows[k] for k in places], lines=[self.lines[k] for k in places])
 
 
 def read_sheet(
@@ -326,43 +265,55 @@ def read_sheet(
     kind = next((kind for kind in TEXT_FORMATS if kind.recognises(numbered)), None)
     if kind is not None:
         return _sheet_of(path, kind.read(path, numbered, tag), repairs, damaged)
-    kept = numbered.where(lambda line: line.strip(" \t,;") != "" and not line.lstrip().startswith("#")
-                          and not _SEPARATOR_LINE.fullmatch(line))
+    kept = numbered
+    if "#" in text or "=" in text:
+        kept = numbered.where(lambda line: not line.lstrip().startswith("#") and not _SEPARATOR_LINE.fullmatch(line))
     if not kept:
         raise LogError("the file is empty", file=path, expected="rows of time and temperature")
     if passed := passed + len(numbered) - len(kept):
         repairs.append(f"{count(passed, 'line')} without readings (blank, comment) skipped.")
     kept, cut = _with_closed_quotes(path, kept, repairs)
-    lines, texts = kept.numbers, kept.texts
-    before = list(takewhile(lambda pair: pair[0] < lines[0], numbered))
-    del text, numbered, kept, data  # a long log is held as few times as can be
-    separator = _separator(texts[-_SAMPLE:])
-    rows = _without_empty_ends([row or [""] for row in _split(path, lines, texts, separator)], repairs)
-    if separator == "," and rows:
-        join_decimals(path, rows, decimal_comma, repairs)
-    header, above, partial = take_header(path, lines, rows, repairs)
-    comment: tuple[str, ...] = ()
-    if rows and not header:
-        comment = _comment_above(before, separator, len(rows[0]))
-    return Sheet(file=str(path), header=header, comment=comment, rows=rows, lines=lines, repairs=tuple(repairs),
-                 above=above, pwm_period_s=period_s, recorded=recorded, lost=damaged + cut + partial)
+    before = list(takewhile(lambda pair: pair[0] < kept.numbers[0], numbered))
+    del numbered, data  # a long log is held as few times as can be
+    separator = _separator(kept.texts[-_SAMPLE:])
+    grid = _split(path, kept, separator)
+    _without_empty_ends(grid, repairs)
+    if separator == ",":
+        join_decimals(path, grid, decimal_comma, repairs)
+    sheet = _sheet_of_grid(path, grid, np.array(kept.numbers), repairs, damaged + cut)
+    comment = () if sheet.header or not len(sheet) else _comment_above(before, separator, len(sheet.columns))
+    return replace(sheet, comment=comment, pwm_period_s=period_s, recorded=recorded)
+
+
+def _sheet_of_grid(path: Path, grid: Grid, lines: Lines, repairs: list[str], lost: int) -> Sheet:
+    """Return the sheet of a table, which is searched for its header."""
+    header, above, below = take_header(lines, grid, repairs)
+    kept = _without_partial_rows(path, lines, grid, below, repairs)
+    return Sheet(file=str(path), header=header, comment=(), columns=grid.taken(kept), lines=lines[kept],
+                 repairs=tuple(repairs), above=above, lost=lost + int(np.count_nonzero(below & ~kept)))
 
 
 def _sheet_of(path: Path, table: FormatTable, repairs: list[str], lost: int, skip_rows: int = 0) -> Sheet:
     """Return the sheet of a table that a format's parser made; one without a header is searched for it."""
     repairs += table.repairs
-    whole = [k for k, row in enumerate(table.rows) if table.lines[k] > skip_rows or table.header]
-    rows, lines = [table.rows[k] for k in whole], [table.lines[k] for k in whole]
-    header, above, partial = table.header, 0, 0
+    rows, lines, header = table.rows, np.array(table.lines, dtype=np.int64), table.header
+    if not header and skip_rows:
+        rows, lines = [row for row, line in zip(rows, lines, strict=True) if line > skip_rows], lines[lines > skip_rows]
     if not rows:
         raise LogError("the file is empty", file=path, expected="rows of time and temperature")
-    if not header:
-        rows = _without_empty_ends(rows, repairs)
-        header, above, partial = take_header(path, lines, rows, repairs)
+    grid = Grid(drained(rows), len(header) or _usual_width(rows[-_HEADER_SAMPLE:]))
+    if header:
+        kept = _without_partial_rows(path, lines, grid, np.ones(len(grid), dtype=np.bool_), repairs)
+        sheet = Sheet(file=str(path), header=header, comment=(), columns=grid.taken(kept), lines=lines[kept],
+                      repairs=tuple(repairs), lost=lost + int(np.count_nonzero(~kept)))
     else:
-        partial = _drop_partial_rows(path, lines, rows, len(header), repairs)
-    return Sheet(file=str(path), header=header, comment=(), rows=rows, lines=lines, repairs=tuple(repairs), above=above,
-                 lost=lost + partial, part=table.part, sessions=table.sessions, session=table.session)
+        _without_empty_ends(grid, repairs)
+        sheet = _sheet_of_grid(path, grid, lines, repairs, lost)
+    return replace(sheet, part=table.part, sessions=table.sessions, session=table.session)
+
+
+def _usual_width(rows: Iterable[Sequence[str]]) -> int:
+    return Counter(map(len, rows)).most_common(1)[0][0]
 
 
 def _with_closed_quotes(path: Path, numbered: NumberedLines, repairs: list[str]) -> tuple[NumberedLines, int]:
@@ -370,6 +321,8 @@ def _with_closed_quotes(path: Path, numbered: NumberedLines, repairs: list[str])
 
     The reader would join such a line with the next one.
     """
+    if '"' not in numbered.texts.text:
+        return numbered, 0
     closed = numbered.where(lambda line: line.count('"') % 2 == 0)
     opened = len(numbered) - len(closed)
     if not opened:
@@ -388,40 +341,33 @@ def _written_lines(text: str, skip_rows: int) -> tuple[NumberedLines, int, int]:
     Megabytes of lines that are not looked at take no memory: blank ones, and of comments in a row all but the last,
     which may name the columns. A logger that lost its power leaves NUL bytes in its file.
     """
-    numbered = NumberedLines()
-    passed, damaged, comment = 0, 0, None
+    if "\r" in text:
+        text = text.replace("\r\n", "\n").replace("\r", "\n")
+    places = array("I" if len(text) < 1 << 32 else "Q")
+    passed, damaged, end, comment = 0, 0, -1, False
     clean = _CONTROL.search(text) is None
-    for number, line in enumerate(_lines_of(text), start=1):
+    number, length = 0, len(text)
+    while (begin := end + 1) < length:
+        end = text.find("\n", begin)
+        end = length if end < 0 else end
+        number += 1
         if number <= skip_rows:
             continue
+        line = text[begin:end]
         if not clean and _CONTROL.search(line):
             damaged += 1
             continue
         is_comment, is_blank = line.startswith("#"), not line.strip(" \t,;")
-        if is_blank or (is_comment and comment is not None):
+        if is_blank or (is_comment and comment):
             passed += 1
         if is_blank:
             continue
-        if comment is not None and not is_comment:
-            numbered.append(*comment)
-        comment = (number, line) if is_comment else None
-        if not is_comment:
-            numbered.append(number, line)
-    if comment is not None:
-        numbered.append(*comment)
-    return numbered, passed, damaged
-
-
-def _lines_of(text: str) -> Iterator[str]:
-    """Yield the lines of a text, whatever ends them."""
-    if "\r" in text:
-        text = text.replace("\r\n", "\n").replace("\r", "\n")
-    begin = 0
-    while (end := text.find("\n", begin)) >= 0:
-        yield text[begin:end]
-        begin = end + 1
-    if begin < len(text):
-        yield text[begin:]
+        if comment and is_comment:
+            del places[-3:]
+        places.extend((number, begin, end))
+        comment = is_comment
+    numbers, begins, ends = np.array(places).reshape(-1, 3).T.copy()
+    return NumberedLines(numbers, TextParts(text, begins, ends)), passed, damaged
 
 
 def _content(path: Path, content: bytes | None) -> bytes:
@@ -516,45 +462,37 @@ def _is_spaced(line: str) -> bool:
     return len(cells) > 1 and all(is_number(cell) and not cell.endswith(",") for cell in cells)
 
 
-def _split(path: Path, lines: Sequence[int], texts: list[str], separator: str | None) -> list[list[str]]:
+def _split(path: Path, lines: NumberedLines, separator: str | None) -> Grid:
+    rows: Iterable[list[str]] = (_BEFORE_CLOCK.sub("T", text).split() for text in lines.texts)
     if separator is None:
-        return [_BEFORE_CLOCK.sub("T", text).split() for text in texts]
-    if len(separator) > 1:
-        texts = [_one_mark(text, separator) for text in texts]
-    reader = csv.reader(_taken(texts), delimiter=separator[-1], skipinitialspace=True)
+        return Grid(rows, _usual_width(_BEFORE_CLOCK.sub("T", text).split() for text in lines.texts[-_SAMPLE:]))
+    reader = csv.reader(_between(lines.texts, separator), delimiter=separator[-1], skipinitialspace=True)
     try:
-        texts_of: list[dict[str, str]] = []
-        return [_strip_cells(row, texts_of) for row in reader]
+        last = csv.reader(_between(lines.texts[-_SAMPLE:], separator), delimiter=separator[-1], skipinitialspace=True)
+        width = _usual_width(row or [""] for row in last)
+    except csv.Error:
+        width = 1  # the whole table tells the line
+    try:
+        return Grid((row or [""] for row in reader), width)
     except csv.Error as problem:
-        raise LogError(str(problem), file=path, line=lines[reader.line_num - 1]) from problem
+        raise LogError(str(problem), file=path, line=lines[reader.line_num - 1][0]) from problem
 
 
-def _strip_cells(row: list[str], texts_of: list[dict[str, str]]) -> list[str]:
-    """Return the stripped cells of a row; equal cells of a column are one object, `texts_of` holds those of each."""
-    texts_of += ({} for _ in range(len(row) - len(texts_of)))
-    cells = []
-    for cell, texts in zip(row, texts_of, strict=False):
-        text = cell.strip()
-        cells.append(texts.setdefault(text, text) if len(texts) < _MOST_TEXTS else texts.get(text, text))
-    return cells
+def _between(texts: Iterable[str], separator: str) -> Iterable[str]:
+    """Return lines whose cells stand between marks of one kind."""
+    return texts if len(separator) == 1 else (_one_mark(text, separator) for text in texts)
 
 
-def _taken(texts: list[str]) -> Iterator[str]:
-    """Yield all of a list, and leave it empty: what was yielded need not be held."""
-    texts.reverse()
-    while texts:
-        yield texts.pop()
-
-
-def _without_empty_ends(rows: list[list[str]], repairs: list[str]) -> list[list[str]]:
+def _without_empty_ends(rows: Grid, repairs: list[str]) -> None:
     """Remove the empty columns at the end."""
-    if all(row[-1] for row in rows):
-        return rows
-    width = max(max(i for i, cell in enumerate(row, start=1) if cell or i == 1) for row in rows)
-    cut = sum(len(row) > width for row in rows)
+    widths = [i for i, column in enumerate(rows.columns, start=1) if i == 1 or column.filled().any()][-1:]
+    widths += [max((i for i, cell in enumerate(row, start=1) if cell), default=1) for row in rows.aside.values()]
+    width = max(widths)
+    longer = sum(len(row) > width for row in rows.aside.values())
+    cut = longer + (len(rows) - len(rows.aside) if rows.width > width else 0)
     if cut:
         repairs.append(f"Empty cells at the end of {count(cut, 'row')} skipped.")
-    return [row[:width] for row in rows]
+        rows.cut(width)
 
 
 def _comment_above(above: Sequence[tuple[int, str]], separator: str | None, width: int) -> tuple[str, ...]:
@@ -566,17 +504,16 @@ def _comment_above(above: Sequence[tuple[int, str]], separator: str | None, widt
 def plain_cells(sheet: Sheet) -> Sheet:
     """Return the sheet with units and decimal commas converted to plain numbers; the units are stored separately."""
     units, commas, repairs = [], False, list(sheet.repairs)
-    for i in range(len(sheet.rows[0])):
-        plain = plain_quantities([row[i] for row in sheet.rows])
+    for i, (name, column) in enumerate(zip(sheet.names(), sheet.columns, strict=True)):
+        plain = plain_quantities(column)
         units.append(plain[1] if plain else "")
         if plain is None:
             continue
         commas |= plain[2]
-        for row, cell in zip(sheet.rows, plain[0], strict=True):
-            row[i] = cell
+        sheet = sheet.with_column(i, plain[0])
         if plain[1]:
-            name = f"'{sheet.header[i]}'" if sheet.header else f"{i + 1}"
-            repairs.append(f"The cells of column {name} bear the unit {plain[1]}.")
+            shown = f"'{name}'" if sheet.header else name
+            repairs.append(f"The cells of column {shown} bear the unit {plain[1]}.")
     if commas:
         repairs.append("Decimal commas were read as points.")
     return replace(sheet, repairs=tuple(repairs), units=tuple(units))

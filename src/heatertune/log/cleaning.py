@@ -15,9 +15,9 @@ import numpy.typing as npt
 
 from heatertune.arrays import Array
 from heatertune.errors import LogError
-from heatertune.log.cells import Sheet, is_number
 from heatertune.log.columns import Columns, cell_error
-from heatertune.log.quantities import on_or_off
+from heatertune.log.quantities import is_number, is_switch_word
+from heatertune.log.sheet import Sheet
 from heatertune.log.side_columns import quoted
 from heatertune.log.values import MIN_SAMPLES
 from heatertune.units import count
@@ -49,7 +49,7 @@ def kept_rows(sheet: Sheet, columns: Columns, time: Array, repairs: list[str]) -
     steps = np.diff(time)
     if np.any(steps < 0):
         row = int(np.flatnonzero(steps < 0)[0]) + 1
-        before = sheet.rows[row - 1][columns.index["time"]]
+        before = sheet.columns[columns.index["time"]][row - 1]
         raise cell_error(sheet, columns, "time", row, "the time goes backwards:",
                          f"not before {before}{_put_back_repeats(steps)}")
     dropped = np.flatnonzero(steps == 0) + 1
@@ -61,7 +61,7 @@ def kept_rows(sheet: Sheet, columns: Columns, time: Array, repairs: list[str]) -
     other = _otherwise(sheet, columns, dropped, firsts)
     if other:
         _demand_one_heater(sheet, columns, dropped, firsts, other)
-    lines = ", ".join(str(sheet.lines[row]) for row in dropped[:_SHOWN])
+    lines = ", ".join(sheet.line_name(row) for row in dropped[:_SHOWN])
     lines += f" and {len(dropped) - _SHOWN} more" if len(dropped) > _SHOWN else ""
     note = f"{count(len(dropped), 'row')} at the time of the row before dropped (line {lines})"
     repairs.append(f"{note}; {len(other)} of them with another reading." if other else f"{note}.")
@@ -81,7 +81,7 @@ def spread_instants(sheet: Sheet, columns: Columns, time: Array, repairs: list[s
         return time
     dropped = np.setdiff1d(np.arange(len(time)), begins)
     firsts = begins[np.searchsorted(begins, dropped, side="right") - 1]
-    names = range(len(sheet.rows[0]))
+    names = range(len(sheet.columns))
     differ = len(_otherwise(sheet, columns, dropped, firsts)) > _MOST_LOST * len(time)
     if not differ or any(_tags(sheet, i, dropped, firsts) for i in names if i not in columns.index.values()):
         return time
@@ -104,8 +104,8 @@ _LARGEST_STEP: Final = 0.05  # of the range
 
 def _zigzags(sheet: Sheet, columns: Columns, later: Rows) -> bool:
     """Return whether the rows of one instant are of several sensors: their readings differ as much as the log's."""
-    cells = [row[columns.index["temperature"]] for row in sheet.rows]
-    known = np.array([float(cell) if is_number(cell) and "," not in cell else np.nan for cell in cells])
+    known = sheet.columns[columns.index["temperature"]].numbers(
+        lambda cell: float(cell) if is_number(cell) and "," not in cell else np.nan)
     steps = np.abs(known[later] - known[later - 1])
     return bool(np.nanmedian(steps) > _LARGEST_STEP * (np.nanmax(known) - np.nanmin(known)))
 
@@ -134,33 +134,33 @@ def _otherwise(sheet: Sheet, columns: Columns, dropped: Rows, firsts: Rows) -> l
     """Return the rows that read otherwise than the first of their instant."""
     used = [i for role, i in columns.index.items() if role not in ("time", "date")]
     return [row for row, first in zip(dropped, firsts, strict=True)
-            if any(sheet.rows[row][i] != sheet.rows[first][i] for i in used)]
+            if any(sheet.columns[i][row] != sheet.columns[i][first] for i in used)]
 
 
 def _demand_one_heater(
     sheet: Sheet, columns: Columns, dropped: Rows, firsts: Rows, other: Sequence[int]
 ) -> None:
-    for i in range(len(sheet.rows[0])):
+    for i, name in enumerate(sheet.names()):
         if i not in columns.index.values() and (tags := _tags(sheet, i, dropped, firsts)):
-            name = sheet.header[i] if sheet.header else f"{i + 1}"
             raise LogError(
-                f"line {sheet.lines[other[0]]} is of the same instant as the row before, with another reading; column "
-                f"{name!r} tells them apart ({', '.join(tags[:_SHOWN])}{', …' if len(tags) > _SHOWN else ''})",
+                f"line {sheet.line_name(other[0])} is of the same instant as the row before, with another reading; "
+                f"column {name!r} tells them apart ({', '.join(tags[:_SHOWN])}{', …' if len(tags) > _SHOWN else ''})",
                 file=sheet.file, expected=f"--tag {quoted(tags[0])} --tag-column {quoted(name)} to read one of them")
-    if len(other) > _MOST_LOST * len(sheet.rows):
-        problem = f"{len(other)} rows of {len(sheet.rows)} share an instant with another reading, the first:"
+    if len(other) > _MOST_LOST * len(sheet):
+        problem = f"{len(other)} rows of {len(sheet)} share an instant with another reading, the first:"
         raise cell_error(sheet, columns, "time", other[0], problem,
                       "a finer clock, or --log-interval with the seconds between two rows")
 
 
 def _tags(sheet: Sheet, i: int, dropped: Rows, firsts: Rows) -> list[str]:
     """Return the few values of a column that differ within each instant; none if it does not distinguish rows."""
-    tags = list(dict.fromkeys(row[i] for row in sheet.rows))
-    figures = sum(is_number(tag) and not tag.isdigit() for tag in tags)
-    if not 2 <= len(tags) <= min(_MOST_TAGS, len(sheet.rows) / 4) or figures:
+    column = sheet.columns[i]
+    if not 2 <= column.levels() <= min(_MOST_TAGS, len(sheet) / 4):
         return []
-    apart = sum(sheet.rows[row][i] != sheet.rows[first][i] for row, first in zip(dropped, firsts, strict=True))
-    return tags if apart >= _TOLD * len(dropped) else []
+    tags = list(dict.fromkeys(column))
+    figures = sum(is_number(tag) and not tag.isdigit() for tag in tags)
+    apart = sum(column[row] != column[first] for row, first in zip(dropped, firsts, strict=True))
+    return tags if not figures and apart >= _TOLD * len(dropped) else []
 
 
 Mask = npt.NDArray[np.bool_]
@@ -194,18 +194,17 @@ def without_strays(sheet: Sheet, columns: Columns, repairs: list[str]) -> Sheet:
     """Return the sheet without the few rows whose time is a word or empty: means and extremes, a message."""
     if "time" not in columns.index:
         return sheet
-    place = columns.index["time"]
-    strays = [k for k, row in enumerate(sheet.rows) if row[place][:1] not in _TIME_BEGINS]
-    last = next((k for k in reversed(range(len(sheet.rows))) if sheet.rows[k][place][:1] in _TIME_BEGINS), -1)
-    within = [k for k in strays if k < last]
-    most = max(_FEW_STRAYS, _MOST_STRAYS * len(sheet.rows))
-    if not strays or last < 0 or len(within) > most or len(strays) - len(within) > _MOST_BELOW:
+    begins = sheet.columns[columns.index["time"]].where(lambda cell: cell[:1] in _TIME_BEGINS)
+    strays = np.flatnonzero(~begins)
+    if not len(strays) or not begins.any():
         return sheet
-    lines = ", ".join(str(sheet.lines[k]) for k in strays[:_SHOWN])
+    within = np.count_nonzero(strays < np.flatnonzero(begins)[-1])
+    if within > max(_FEW_STRAYS, _MOST_STRAYS * len(sheet)) or len(strays) - within > _MOST_BELOW:
+        return sheet
+    lines = ", ".join(sheet.line_name(k) for k in strays[:_SHOWN])
     more = f" and {len(strays) - _SHOWN} more" if len(strays) > _SHOWN else ""
     repairs.append(f"{count(len(strays), 'row')} without a time left out (line {lines}{more}).")
-    kept = sorted({*range(len(sheet.rows))} - {*strays})
-    return replace(sheet.picked(kept), lost=sheet.lost + len(strays))
+    return replace(sheet.picked(begins), lost=sheet.lost + len(strays))
 
 
 def without_unreadable_power(
@@ -225,18 +224,16 @@ def without_unreadable_power(
     if "power" not in columns.index:
         return sheet, time, edges
     place = columns.index["power"]
-    kinds = {row[place] for row in sheet.rows}
-    switched = {kind for kind in kinds if on_or_off([kind]) is not None}
-    usable = switched if switched else {kind for kind in kinds if is_number(kind) and kind.lower() != "nan"}
-    strange = np.array([row[place] not in usable for row in sheet.rows], dtype=np.bool_)
+    strange = ~sheet.columns[place].where(is_switch_word)
+    if strange.all():
+        strange = ~sheet.columns[place].where(lambda cell: is_number(cell) and cell.lower() != "nan")
     if not np.any(strange) or np.count_nonzero(strange) > _MOST_LOST * len(strange):
         return sheet, time, edges
     rows = np.flatnonzero(strange)
-    lines = ", ".join(f"line {sheet.lines[row]}" for row in rows[:_SHOWN])
+    lines = ", ".join(f"line {sheet.line_name(row, 'power')}" for row in rows[:_SHOWN])
     more = f" and {len(rows) - _SHOWN} more" if len(rows) > _SHOWN else ""
     repairs.append(f"{count(len(rows), 'row')} without a power left out ({lines}{more}).")
-    kept = np.flatnonzero(~strange)
-    return replace(sheet.picked(kept.tolist()), lost=sheet.lost + len(rows)), time[kept], edges[kept]
+    return replace(sheet.picked(~strange), lost=sheet.lost + len(rows)), time[~strange], edges[~strange]
 
 
 def one_run(
@@ -265,10 +262,10 @@ def one_run(
     begin, end = starts[chosen], ends[chosen]
     why = "as asked" if wanted is not None else "in which the heater moved most" if best else "the longest"
     repairs.append(
-        f"The file holds {len(starts)} runs (from lines {', '.join(str(sheet.lines[k]) for k in starts)}); run "
+        f"The file holds {len(starts)} runs (from lines {', '.join(map(sheet.line_name, starts))}); run "
         f"{chosen + 1} was read, {why}: --run reads another."
     )
-    return replace(sheet, rows=sheet.rows[begin:end], lines=sheet.lines[begin:end]), time[begin:end], chosen + 1
+    return sheet.picked(slice(begin, end)), time[begin:end], chosen + 1
 
 
 def _session_starts(sheet: Sheet) -> list[int]:
@@ -435,11 +432,12 @@ def _spikes(values: Array) -> npt.NDArray[np.intp]:
     steep = _EDGE_TIMES * float(np.percentile(steps, 90.0))
     for width in range(1, _LONGEST_SPIKE + 1):
         before, after = values[: n - width - 1], values[width + 1 :]
-        shares = np.arange(1, width + 1)[:, None] / (width + 1)
-        lines = before + shares * (after - before)
-        off = np.stack([values[k : n - width - 1 + k] for k in range(1, width + 1)]) - lines
-        away = np.min(np.abs(off), axis=0)
-        together = np.abs(np.sum(np.sign(off), axis=0)) == width
+        away, sides = np.full(len(before), np.inf), np.zeros(len(before), dtype=np.int8)
+        for k in range(1, width + 1):
+            off = values[k : n - width - 1 + k] - (before + k / (width + 1) * (after - before))
+            sides += np.sign(off).astype(np.int8)
+            np.minimum(away, np.abs(off), out=away)
+        together = np.abs(sides) == width
         back = np.abs(after - before) < 0.3 * away
         abrupt = np.minimum(steps[: n - width - 1], steps[width:]) > steep
         for k in np.flatnonzero((away > least) & together & back & abrupt).tolist():
@@ -491,6 +489,6 @@ def tell_gaps(time: Array, lines: npt.NDArray[np.intp], powered: bool, doubts: l
 def _places(sheet: Sheet, raw: Array, mask: Mask) -> str:
     rows = np.flatnonzero(mask)
     listed = ", ".join(
-        f"line {sheet.lines[row]}" + ("" if np.isnan(raw[row]) else f": {raw[row]:g}") for row in rows[:_SHOWN]
+        f"line {sheet.line_name(row)}" + ("" if np.isnan(raw[row]) else f": {raw[row]:g}") for row in rows[:_SHOWN]
     )
     return listed + (f" and {len(rows) - _SHOWN} more" if len(rows) > _SHOWN else "")

@@ -6,8 +6,9 @@ cell that is not a number.
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -15,7 +16,6 @@ import numpy as np
 
 from heatertune.arrays import Array
 from heatertune.errors import LogError
-from heatertune.log.cells import Sheet, is_number
 from heatertune.log.quantities import (
     ROLES,
     STAMPS,
@@ -24,17 +24,20 @@ from heatertune.log.quantities import (
     is_day_or_month,
     is_foreign,
     is_hours_or_minutes,
+    is_in_celsius,
+    is_number,
     is_quantity,
     is_scaled,
     is_second_choice,
+    is_switch_word,
     month_first,
     month_or_day_first,
-    on_or_off,
     role_of,
     says_nothing,
     stamp,
     unit_in_name,
 )
+from heatertune.log.sheet import CellColumn, Sheet
 from heatertune.log.side_columns import (
     add_side_columns,
     demand_no_likely_power,
@@ -112,12 +115,12 @@ def find_columns(sheet: Sheet, wanted: Mapping[str, str | int], *, counted: bool
     if sheet.header and "temperature" in index and "temperature" not in wanted:
         demand_own_temperature(sheet, index)
     if "temperature" not in index:
-        listed = ", ".join(sheet.header) or f"{len(sheet.rows[0])} columns without names"
+        listed = ", ".join(sheet.header) or f"{len(sheet.columns)} columns without names"
         expected = "--temperature-column NAME or N"
         raise LogError(f"no column is a temperature ({listed})", file=sheet.file, expected=expected)
     if not {"power"} & {*index, *absent}:
         demand_no_likely_power(sheet, index)
-    names = {role: sheet.header[i] if sheet.header else f"{i + 1}" for role, i in index.items()}
+    names = {role: sheet.names()[i] for role, i in index.items()}
     units = {role: sheet.units[i] for role, i in index.items() if sheet.units and sheet.units[i]}
     for role, unit in units.items():
         _demand_one_unit(sheet, role, names[role], unit)
@@ -143,7 +146,7 @@ def choose_column(sheet: Sheet, role: str, column: str | int) -> int:
     plain = [i for i, name in enumerate(sheet.header) if name.rpartition(" [")[0] == text]
     if len(plain) == 1:  # the unit was put behind the name
         return plain[0]
-    width = len(sheet.header or sheet.rows[0])
+    width = len(sheet.columns)
     if text.isdecimal() and 1 <= int(text) <= width:
         return int(text) - 1
     listed = ", ".join(sheet.header) or f"1…{width}"
@@ -159,6 +162,9 @@ def _by_name(sheet: Sheet, index: dict[str, int], absent: set[str], notes: list[
             by_role[role].append(i)
     if not by_role.get("time", True) and "time" not in index and (clock := _clock_by_content(sheet, taken)) is not None:
         by_role["time"] = [clock]
+    if not by_role.get("temperature", True) and "temperature" not in index:
+        degrees = [i for i, name in enumerate(sheet.header) if i not in taken and is_in_celsius(name)]
+        by_role["temperature"] = degrees if len(degrees) == 1 else []
     for role, candidates in by_role.items():
         if role in index or not candidates:
             continue
@@ -173,11 +179,11 @@ def _by_name(sheet: Sheet, index: dict[str, int], absent: set[str], notes: list[
 
 def _is_text(sheet: Sheet, role: str, i: int) -> bool:
     """Return whether a column contradicts its name: words in "control mode", numbers in "data" (Portuguese: date)."""
-    cell = sheet.rows[0][i]
+    cell = sheet.columns[i][0]
     if role == "time":
         return is_second_choice(sheet.header[i]) and is_number(cell) and not _is_sheet_day(cell)
     return role == "power" and is_second_choice(sheet.header[i]) and not (
-        is_number(cell) or says_nothing(cell) or on_or_off([cell]))
+        is_number(cell) or says_nothing(cell) or is_switch_word(cell))
 
 
 def _is_sheet_day(cell: str) -> bool:
@@ -188,11 +194,13 @@ def _is_sheet_day(cell: str) -> bool:
 
 def _clock_by_content(sheet: Sheet, taken: set[int]) -> int | None:
     """Return the first column whose cells are all times, whatever its name: with a date, otherwise times of day."""
-    some = [*sheet.rows[:_SAMPLE], *sheet.rows[-_SAMPLE:-1]]
-    columns = [i for i in range(len(sheet.rows[0])) if i not in taken and not is_number(sheet.rows[0][i])]
-    clocks = [i for i in columns if sum(stamp(row[i]) is not None and not is_date(row[i]) for row in some)
-              > _NEARLY_ALL * len(some)]
-    return min(clocks, key=lambda i: (is_clock(sheet.rows[0][i]), i), default=None)
+    clocks = []
+    for i, column in enumerate(sheet.columns):
+        some = [*column[:_SAMPLE], *column[-_SAMPLE:-1]]
+        if i not in taken and not is_number(some[0]) and sum(
+                stamp(cell) is not None and not is_date(cell) for cell in some) > _NEARLY_ALL * len(some):
+            clocks.append(i)
+    return min(clocks, key=lambda i: (is_clock(sheet.columns[i][0]), i), default=None)
 
 
 _SAMPLE: Final = 20  # rows looked at at each end
@@ -210,7 +218,7 @@ _PERCENT: Final = re.compile("%|pct", re.IGNORECASE)
 
 def _by_numbers(sheet: Sheet, index: dict[str, int], absent: set[str], notes: list[str]) -> None:
     """Deduce roles: the always increasing column is the time; of two others, the constant one is the power."""
-    free = [i for i in range(len(sheet.rows[0])) if i not in index.values()]
+    free = [i for i in range(len(sheet.columns)) if i not in index.values()]
     if "time" not in index and "time" not in absent:
         growing = [i for i in free if _grows(sheet, i)]
         if growing:  # several: by custom the time is written first, but for the numbers of the rows
@@ -221,7 +229,7 @@ def _by_numbers(sheet: Sheet, index: dict[str, int], absent: set[str], notes: li
         if role not in index and role not in absent and len(signed) == 1:
             index[role] = signed[0]
             free.remove(signed[0])
-    levels = {i: len({row[i] for row in sheet.rows}) for i in free}
+    levels = {i: sheet.columns[i].levels() for i in free}
     if "temperature" not in index and len(free) == 1 and levels[free[0]] > 3:  # fewer: a power that is switched
         index["temperature"] = free[0]
     elif "temperature" not in index and len(free) == 2 and not {"power"} & {*index, *absent}:
@@ -234,19 +242,18 @@ def _by_numbers(sheet: Sheet, index: dict[str, int], absent: set[str], notes: li
 
 def _counts_rows(sheet: Sheet, i: int) -> bool:
     """Return whether a column holds 0, 1, 2 … or 1, 2, 3 …, the numbers of the rows."""
-    first = sheet.rows[0][i]
-    return first in ("0", "1") and all(row[i] == str(k) for k, row in enumerate(sheet.rows, start=int(first)))
+    first = sheet.columns[i][0]
+    return first in ("0", "1") and all(cell == str(k) for k, cell in enumerate(sheet.columns[i], start=int(first)))
 
 
 def _grows(sheet: Sheet, i: int) -> bool:
     """Return whether a column never decreases and is hardly ever constant: a clock, not a rising temperature."""
-    cells = [row[i] for row in sheet.rows]
+    cells = sheet.columns[i]
     if not is_number(cells[0]):
         return stamp(cells[0]) is not None
-    try:
-        steps = np.diff(np.array(cells, dtype=np.float64))
-    except ValueError:
+    if (values := cells.floats()) is None:
         return False
+    steps = np.diff(values)
     return bool(np.all(steps >= 0.0) and np.count_nonzero(steps > 0.0) > 0.9 * len(steps))
 
 
@@ -272,33 +279,27 @@ def numbers(
     Raises:
         LogError: a cell that is empty (without `holes`), not a number, not finite or beyond 1e30.
     """
-    i = columns.index[role]
-    cells = [row[i] for row in sheet.rows]
-    if holes:
-        cells = ["nan" if says_nothing(cell) else cell for cell in cells]
-    if lenient:
-        strange = {cell for cell in set(cells) if not _is_usable(cell)}
-        few = sum(cell in strange and not (holes and cell == "nan") for cell in cells) <= _MOST_TEXT * len(cells)
-        if strange and few:
-            cells, holes = ["nan" if cell in strange else cell for cell in cells], True
-    try:
-        values = np.array([_float(cell) for cell in cells], dtype=np.float64)
-    except ValueError:
-        row = next(k for k, cell in enumerate(cells) if not _is_float(cell))
-        problem = "no number:" if cells[row] else "an empty cell"
-        if is_quantity(cells[row]):
-            problem = "a unit that not all cells bear:"
-        if blank is not None and says_nothing(cells[row]):
-            expected = blank
-        raise cell_error(sheet, columns, role, row, problem, expected) from None
-    unusable = np.flatnonzero(~((np.abs(values) < _BEYOND) | (holes & np.isnan(values))))
-    if len(unusable):
-        row = int(unusable[0])
-        if blank is not None and says_nothing(cells[row]):
-            expected = blank
-        finite = expected.replace("a number", f"a finite number below {_BEYOND:g}", 1)
-        raise cell_error(sheet, columns, role, row, "no reading:", finite)
-    return values
+    cells = sheet.columns[columns.index[role]]
+    values = cells.floats()
+    values = cells.numbers(_float) if values is None else values
+    usable = np.abs(values) < _BEYOND
+    if usable.all():
+        return values
+    empty = holes & cells.where(says_nothing)
+    strange = ~(usable | empty)
+    if not strange.any() or (lenient and np.count_nonzero(strange) <= _MOST_TEXT * len(cells)):
+        values[~usable] = np.nan
+        return values
+    row = int(np.flatnonzero(strange)[0])
+    cell = cells[row]
+    if blank is not None and says_nothing(cell):
+        expected = blank
+    if is_number(cell) or _is_float(cell):
+        expected = expected.replace("a number", f"a finite number below {_BEYOND:g}", 1)
+        raise cell_error(sheet, columns, role, row, "no reading:", expected)
+    problem = "no number:" if cell else "an empty cell"
+    raise cell_error(sheet, columns, role, row, "a unit that not all cells bear:" if is_quantity(cell) else problem,
+                     expected)
 
 
 def cell_error(sheet: Sheet, columns: Columns, role: str, row: int, problem: str, expected: str) -> LogError:
@@ -312,30 +313,21 @@ def cell_error(sheet: Sheet, columns: Columns, role: str, row: int, problem: str
         problem: what is wrong.
         expected: the expected content.
     """
-    return LogError(problem, file=sheet.file, line=sheet.lines[row], column=columns.names[role],
-                    value=sheet.rows[row][columns.index[role]] or None, expected=expected)
+    file, line = sheet.origin(row, role)
+    return LogError(problem, file=file, line=line, column=columns.names[role],
+                    value=sheet.columns[columns.index[role]][row] or None, expected=expected)
 
 
 def _float(cell: str) -> float:
-    if "_" in cell:  # Python reads 1_000, a log does not
-        raise ValueError(cell)
-    return float(cell)
-
-
-def _is_usable(cell: str) -> bool:
-    """Return whether a cell is a finite number."""
+    """Return the number in a cell, NaN if it holds none."""
     try:
-        return abs(_float(cell)) < _BEYOND
+        return math.nan if "_" in cell else float(cell)  # Python reads 1_000, a log does not
     except ValueError:
-        return False
+        return math.nan
 
 
 def _is_float(cell: str) -> bool:
-    try:
-        _float(cell)
-    except ValueError:
-        return False
-    return True
+    return not math.isnan(_float(cell)) or cell.strip("+-").lower() == "nan"
 
 
 #: suffix of the notation of a number with an unknown unit
@@ -371,11 +363,11 @@ def with_dates(sheet: Sheet, columns: Columns, wanted: str | int | None) -> tupl
         LogError: no such column.
     """
     place = columns.index.get("time")
-    if wanted == NO_COLUMN or (wanted is None and (place is None or not is_clock(sheet.rows[0][place]))):
+    if wanted == NO_COLUMN or (wanted is None and (place is None or not is_clock(sheet.columns[place][0]))):
         return sheet, columns
-    if place is None or not is_clock(sheet.rows[0][place]):
+    if place is None or not is_clock(sheet.columns[place][0]):
         raise LogError("no time of day with the date", file=sheet.file, expected="--time-column with a time of day")
-    free = [i for i in range(len(sheet.rows[0])) if i not in columns.index.values() and is_date(sheet.rows[0][i])]
+    free = [i for i, column in enumerate(sheet.columns) if i not in columns.index.values() and is_date(column[0])]
     if wanted is not None:
         free = [i for i in free if str(wanted) == str(i + 1) or (sheet.header and sheet.header[i] == wanted)]
         if not free:
@@ -384,9 +376,8 @@ def with_dates(sheet: Sheet, columns: Columns, wanted: str | int | None) -> tupl
         free = [i for i in free if role_of(sheet.header[i]) == "time"] or free
     if len(free) != 1:
         return sheet, columns
-    for row in sheet.rows:
-        row[place] = f"{row[free[0]]} {row[place]}"
-    name = sheet.header[free[0]] if sheet.header else f"{free[0] + 1}"
+    sheet = sheet.with_column(place, map(" ".join, zip(sheet.columns[free[0]], sheet.columns[place], strict=True)))
+    name = sheet.names()[free[0]]
     note = f"The date in {name!r} and the time of day in {columns.names['time']!r} were put together."
     return sheet, replace(columns, index={**columns.index, "date": free[0]}, names={**columns.names, "date": name},
                           notes=(*columns.notes, note))
@@ -410,22 +401,22 @@ def seconds(
     if sample_time_s is not None:
         unused = f"; column {columns.names['time']} not used" if "time" in columns.index else ""
         repairs.append(f"The time was counted in rows of {sample_time_s:g} s{unused}.")
-        return np.arange(len(sheet.rows), dtype=np.float64) * sample_time_s, "counted"
+        return np.arange(len(sheet), dtype=np.float64) * sample_time_s, "counted"
     if "time" not in columns.index:
         expected = "--log-interval with the seconds between two rows, or --time-column"
         raise LogError("the file has no time column", file=sheet.file, expected=expected)
-    cells = [row[columns.index["time"]] for row in sheet.rows]
+    cells = sheet.columns[columns.index["time"]]
     two = _two_numbers(sheet, columns, cells, unit)
     if two:
         repairs.append(f"The time was read as {two}.")
-        return _past_midnight((60.0 if two == "hh:mm" else 1.0) * _sixties(cells), repairs), two
+        return _past_midnight((60.0 if two == "hh:mm" else 1.0) * cells.numbers(_sixties), repairs), two
     if not is_number(cells[0]) and (stamp(cells[0]) is not None or month_first(cells)):
         repairs.append("Time stamps were converted to seconds from the first row.")
         return _from_stamps(sheet, columns, cells, repairs), "stamps"
     return _from_numbers(sheet, columns, unit, repairs)
 
 
-def _two_numbers(sheet: Sheet, columns: Columns, cells: Sequence[str], unit: str | None) -> str:
+def _two_numbers(sheet: Sheet, columns: Columns, cells: CellColumn, unit: str | None) -> str:
     """Return "mm:ss" or "hh:mm" for times of two numbers, "" for others: as stated, by the name, or by more than 99.
 
     Raises:
@@ -447,10 +438,10 @@ def _two_numbers(sheet: Sheet, columns: Columns, cells: Sequence[str], unit: str
     return ""
 
 
-def _sixties(cells: Sequence[str]) -> Array:
-    """Return times such as 12:30 as minutes and seconds [s], or hours and minutes [min], shape (n,)."""
-    parts = [cell.partition(":") for cell in cells]
-    return np.array([60.0 * int(minutes) + float(seconds) for minutes, _, seconds in parts])
+def _sixties(cell: str) -> float:
+    """Return a time such as 12:30 as minutes and seconds [s], or hours and minutes [min]."""
+    minutes, _, seconds = cell.partition(":")
+    return 60.0 * int(minutes) + float(seconds)
 
 
 def _from_numbers(sheet: Sheet, columns: Columns, unit: str | None, repairs: list[str]) -> tuple[Array, str]:
@@ -493,9 +484,13 @@ def likely_time_unit(time: Array) -> str:
     usual = float(time[-1] - time[0]) / max(len(time) - 1, 1)
     if usual > _LONGEST_STEP_S / 10.0 and abs(usual / 60.0 - round(usual / 60.0)) > _UNEVEN:
         return "ms"
-    in_milliseconds, as_minutes = usual * 1e3, usual * 60.0
-    uneven = abs(in_milliseconds - round(in_milliseconds)) > _UNEVEN
-    return "min" if usual < 1.0 and uneven and abs(as_minutes - round(as_minutes)) < _UNEVEN else "s"
+    if usual >= 1.0 or _is_whole(usual * 1e3):
+        return "s"
+    return next((unit for unit in ("min", "h", "d") if _is_whole(usual * TIME_UNITS[unit])), "s")
+
+
+def _is_whole(value: float) -> bool:
+    return value > 0.5 and abs(value - round(value)) <= _UNEVEN
 
 
 def _are_days(values: Array, named: str | None) -> bool:
@@ -505,21 +500,20 @@ def _are_days(values: Array, named: str | None) -> bool:
     return named is None and within and 0.0 < float(np.median(np.abs(np.diff(values)))) < 0.05
 
 
-def _from_stamps(sheet: Sheet, columns: Columns, cells: Sequence[str], repairs: list[str]) -> Array:
+def _from_stamps(sheet: Sheet, columns: Columns, cells: CellColumn, repairs: list[str]) -> Array:
     if month_first(cells):
         repairs.append("The dates are read with the month first.")
-        cells = [month_first((cell,), turn=True) or cell for cell in cells]
+        cells = cells.map(lambda cell: month_first((cell,), turn=True) or cell)
     elif is_day_or_month(cells) and (order := month_or_day_first(cells)):
         repairs.append(f"The dates are read with the {order} first: so they follow each other day by day.")
         if order == "month":
-            cells = [month_first((cell,), turn=True) or cell for cell in cells]
+            cells = cells.map(lambda cell: month_first((cell,), turn=True) or cell)
     elif is_day_or_month(cells):
         raise cell_error(sheet, columns, "time", 0, "a date that may be day first or month first:",
                       f"{STAMPS}, or --log-interval with the seconds between two rows")
-    moments = [stamp(cell) for cell in cells]
-    first = moments[0]
+    first = stamp(cells[0])
     elapsed_s = np.empty(len(cells))
-    for row, moment in enumerate(moments):
+    for row, moment in enumerate(map(stamp, cells)):
         if moment is None or first is None:
             raise cell_error(sheet, columns, "time", row, "no time:", STAMPS)
         if (moment.tzinfo is None) != (first.tzinfo is None):
@@ -547,4 +541,4 @@ def forwards(sheet: Sheet, time: Array, repairs: list[str]) -> tuple[Sheet, Arra
     if not len(steps) or np.any(steps > 0) or not np.any(steps < 0):
         return sheet, time
     repairs.append("The rows are newest first and were reversed.")
-    return sheet.picked(range(len(time) - 1, -1, -1)), time[::-1] - time[-1]
+    return sheet.picked(slice(None, None, -1)), time[::-1] - time[-1]

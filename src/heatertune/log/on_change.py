@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from itertools import chain, pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -17,13 +18,14 @@ import numpy.typing as npt
 
 from heatertune.arrays import Array
 from heatertune.errors import LogError
-from heatertune.log.cells import Sheet
 from heatertune.log.columns import Columns
 from heatertune.log.quantities import plain_name, says_nothing
+from heatertune.log.sheet import CellColumn, Sheet
 from heatertune.units import count
 
 __all__ = [
-    "OnChange", "RestoredRows", "at_edges", "good_rows", "is_quality", "on_change", "spread", "without_blank_power",
+    "OnChange", "RestoredRows", "at_edges", "differs", "good_rows", "is_quality", "on_change", "spread",
+    "without_blank_power",
 ]
 
 
@@ -52,15 +54,14 @@ def good_rows(sheet: Sheet, i: int) -> npt.NDArray[np.bool_]:
     Raises:
         LogError: flags whose meaning is not known.
     """
-    cells = [row[i] for row in sheet.rows]
-    kinds = set(cells)
+    kinds = set(sheet.columns[i].kinds())
     meaning = _by_words(kinds) or _by_numbers(kinds, sheet.header[i] if sheet.header else "")
     if meaning is None:
         shown = ", ".join(sorted(kinds)[:6]) or "empty"
         raise LogError(f"quality flags whose meaning is not known ({shown})", file=sheet.file,
-                       column=sheet.header[i] if sheet.header else f"{i + 1}",
+                       column=sheet.names()[i],
                        expected="192 or Good, 1 of a validity, or --quality-column none to read all rows")
-    return np.array([meaning[cell] for cell in cells], dtype=np.bool_)
+    return sheet.columns[i].where(meaning.__getitem__)
 
 
 def _by_words(kinds: set[str]) -> dict[str, bool] | None:
@@ -210,30 +211,31 @@ def without_blank_power(sheet: Sheet, columns: Columns, time: Array, repairs: li
     Powers are held where the table has a value only where it changes: a written power never repeats the one before, and
     a row without a temperature is there because power or setpoint change.
     """
-    temperature = [row[columns.index["temperature"]] for row in sheet.rows]
-    blank = np.array([says_nothing(cell) for cell in temperature], dtype=np.bool_)
+    blank = sheet.columns[columns.index["temperature"]].where(says_nothing)
     if "power" not in columns.index:
         return sheet, time, np.zeros(len(blank), dtype=np.bool_)
     place = columns.index["power"]
-    cells = [row[place] for row in sheet.rows]
-    if not _is_sparse(cells):
-        edge = np.array([False, *(a != b for a, b in zip(cells[1:], cells[:-1], strict=True))], dtype=np.bool_)
-        return sheet, time, blank & edge
-    held, rows, last = 0, [], ""
-    for row in sheet.rows:
-        nothing = says_nothing(row[place])
-        held += nothing
-        last = last if nothing else row[place]
-        rows.append([*row[:place], last, *row[place + 1:]])
-    first = next(k for k, row in enumerate(rows) if row[place])
-    repairs.append(f"The power is written where it changes; it was held through {count(held - first, 'row')}.")
-    edge = np.array([not says_nothing(cell) for cell in cells], dtype=np.bool_)
-    whole = replace(sheet, rows=rows)
-    return whole.picked(range(first, len(rows))), time[first:], (blank & edge)[first:]
+    cells = sheet.columns[place]
+    written = np.flatnonzero(~cells.where(says_nothing))
+    sparse = 0 < len(written) < len(cells) and (sheet.other_file != "" or (
+        len(written) > 1 and _repeats(cells.taken(written)) <= _REPEATS * len(written)))
+    if not sparse:
+        return sheet, time, blank & differs(cells) if np.any(blank) else blank
+    first = int(written[0])
+    last = written[np.searchsorted(written, np.arange(first, len(cells)), side="right") - 1]
+    repairs.append("The power is written where it changes; it was held through "
+                   f"{count(len(cells) - len(written) - first, 'row')}.")
+    edge = np.isin(np.arange(len(cells)), written)
+    held = sheet.picked(slice(first, None)).with_column(place, cells.taken(last))
+    if sheet.power_lines is not None:
+        held = replace(held, power_lines=sheet.power_lines[last])
+    return held, time[first:], (blank & edge)[first:]
 
 
-def _is_sparse(cells: list[str]) -> bool:
-    """Return whether a column is written only on change: some cells are blank, and none repeats the one before."""
-    written = [cell for cell in cells if not says_nothing(cell)]
-    repeats = sum(a == b for a, b in zip(written[1:], written[:-1], strict=True))
-    return 1 < len(written) < len(cells) and repeats <= _REPEATS * len(written)
+def differs(cells: CellColumn) -> Mask:
+    """Return which cells differ from the one before, shape (n,)."""
+    return np.fromiter(chain([False], (a != b for a, b in pairwise(cells))), dtype=np.bool_, count=len(cells))
+
+
+def _repeats(cells: CellColumn) -> int:
+    return len(cells) - 1 - int(np.count_nonzero(differs(cells)))

@@ -10,9 +10,9 @@ import numpy.typing as npt
 
 from heatertune.arrays import Array
 from heatertune.errors import LogError
-from heatertune.log.cells import Sheet
 from heatertune.log.columns import ASSUMED, Columns, cell_error, numbers
 from heatertune.log.quantities import is_scaled, on_or_off
+from heatertune.log.sheet import Sheet
 from heatertune.units import count
 
 __all__ = ["Power", "power_of"]
@@ -109,10 +109,10 @@ def power_of(
     """
     if "power" not in columns.index:
         return None
-    switched = on_or_off([row[columns.index["power"]] for row in sheet.rows])
+    switched = on_or_off(sheet.columns[columns.index["power"]])
     if switched is not None:
         repairs.append("The power is on or off; taken as 100 % and 0 %.")
-        return Power(np.array(switched, dtype=np.float64) * 100.0, 1.0, "on/off")
+        return Power(switched * 100.0, 1.0, "on/off")
     expected = "a number, or on and off in every row (--power-column none if there is no power)"
     values = numbers(sheet, columns, "power", expected)
     if levels is not None:

@@ -8,7 +8,6 @@ Join numbers whose decimal commas were taken for separators: 12,5,30,0 is 12.5 a
 from __future__ import annotations
 
 import re
-from collections import Counter
 from collections.abc import Iterable, Sequence
 from datetime import date, datetime
 from itertools import accumulate, combinations, pairwise
@@ -17,11 +16,14 @@ from typing import Final
 
 import numpy as np
 
+from heatertune.arrays import Array
 from heatertune.errors import LogError
+from heatertune.log.sheet import CellColumn, Grid
 
 __all__ = [
     "NOTHING", "ROLES", "STAMPS", "is_clock", "is_date", "is_day_or_month", "is_foreign", "is_hours_or_minutes",
-    "is_number", "is_quantity", "is_scaled", "is_second_choice", "join_decimals", "month_first",
+    "is_in_celsius",
+    "is_number", "is_quantity", "is_scaled", "is_second_choice", "is_switch_word", "join_decimals", "month_first",
     "month_or_day_first", "on_or_off", "plain_name", "plain_quantities", "role_of", "says_nothing", "stamp",
     "unit_in_name",
 ]
@@ -90,8 +92,12 @@ _UNITS: Final[dict[str, tuple[tuple[str, re.Pattern[str]], ...]]] = {
     ),
 }
 
-#: the range of a power, as parsers of formats write it
-_FULL_SCALE: Final = re.compile(r"\[0\.\.\.(\d+)\]")
+#: the range of a power in its name, of those that devices have: [0...127], (0-4095), [-255…255]
+_FULL_SCALE: Final = re.compile(
+    r"[\[(] *(?:0|-(?=(\d+)\D+\1 *[\])])\d+) *(?:\.\.\.?|…|–|-|to|bis) *"
+    r"(1|100|127|255|1000|1023|4095|10000|27648|32767|65535) *[\])]")
+#: a column of a recorder whose name says nothing but its unit: CH0001 [C]
+_IN_CELSIUS: Final = re.compile(r"[\[(] ?C ?[\])]$")
 #: units that are neither a temperature, a time nor a share of full power
 _FOREIGN: Final[dict[str, re.Pattern[str]]] = {
     "temperature": re.compile(r"%|pct|percent|counts?\b|\badc\b|[\[(/ ]m?[va][\])]?$|ohm|ω|\bbar\b"),
@@ -118,6 +124,11 @@ def role_of(name: str) -> str | None:
     return next((role for role, pattern in _NAMES.items() if pattern.search(plain)), None)
 
 
+def is_in_celsius(name: str) -> bool:
+    """Return whether a name that denotes no role ends with the unit of a temperature, CH0001 [C]."""
+    return role_of(name) is None and _IN_CELSIUS.search(plain_name(name)) is not None
+
+
 def is_second_choice(name: str) -> bool:
     """Return whether a column is taken for its role only where nothing else has it."""
     return _SECOND_CHOICE.search(plain_name(name)) is not None
@@ -128,7 +139,7 @@ def unit_in_name(role: str, name: str) -> str | None:
     lower = _CAPITALISED.sub(" ", plain_name(name)).lower()
     patterns = _UNITS.get("temperature" if role == "setpoint" else role, ())
     if role == "power" and (full := _FULL_SCALE.search(lower)) is not None:
-        return full[1]
+        return full[2]
     units = (unit for unit, pattern in patterns if pattern.search(lower))
     return next(units, None)
 
@@ -318,48 +329,59 @@ def says_nothing(cell: str) -> bool:
     return cell.lower() in NOTHING
 
 
-def on_or_off(cells: Sequence[str]) -> list[str] | None:
-    """Convert on/off cells (true, yes, ein …) to 1 and 0; None if one of them is neither."""
-    digits = {cell: "1" if cell.lower() in _ON else "0" for cell in set(cells) if cell.lower() in _ON | _OFF}
-    try:
-        return [digits[cell] for cell in cells]
-    except KeyError:
+def on_or_off(cells: CellColumn) -> Array | None:
+    """Convert on/off cells (true, yes, ein …) to 1 and 0, shape (n,); None if one of them is neither."""
+    if not all(cell.lower() in _ON | _OFF for cell in cells.kinds()):
         return None
+    return cells.numbers(lambda cell: float(cell.lower() in _ON))
 
 
-def plain_quantities(cells: Sequence[str]) -> tuple[list[str], str, bool] | None:
+def is_switch_word(cell: str) -> bool:
+    """Return whether a cell says on or off."""
+    return cell.lower() in _ON | _OFF
+
+
+def plain_quantities(cells: CellColumn) -> tuple[CellColumn, str, bool] | None:
     """Return plain numbers, the common unit, and whether there were decimal commas; None if nothing changes.
 
     A column with both commas and points is left unchanged, because one of them may group thousands; so is one with two
     units.
     """
-    if _are_plain(cells):
+    first = next((cell for cell in cells if not says_nothing(cell)), "")
+    if not is_quantity(first) and not cells.holds(","):
         return None
-    kinds = set(cells)
-    unit, figures = _without_unit(kinds)
-    plain = {cell: figures.get(cell, cell) for cell in kinds}
-    held = plain.values()
-    commas = any(map(_COMMA.fullmatch, held)) and not any(map(_POINT.fullmatch, held))
+    unit = _common_unit(cells.kinds()) if is_quantity(first) else ""
+
+    def figure(cell: str) -> str:
+        match = _QUANTITY.fullmatch(cell) if unit and not says_nothing(cell) else None
+        return cell if match is None else match[1]
+
+    commas = False
+    for cell in map(figure, cells.kinds()):
+        commas |= _COMMA.fullmatch(cell) is not None
+        if _POINT.fullmatch(cell):
+            commas = False
+            break
     if not unit and not commas:
         return None
-    if commas:
-        plain = {cell: text.replace(",", ".") if _COMMA.fullmatch(text) else text for cell, text in plain.items()}
-    return [plain[cell] for cell in cells], unit, commas
+
+    def plain(cell: str) -> str:
+        text = figure(cell)
+        return text.replace(",", ".") if commas and _COMMA.fullmatch(text) else text
+
+    return cells.map(plain), unit, commas
 
 
-def _are_plain(cells: Sequence[str]) -> bool:
-    """Return whether no cell can have a decimal comma or a unit; units occur only if all cells of a column have one."""
-    first = next((cell for cell in cells if not says_nothing(cell)), "")
-    return not is_quantity(first) and not any("," in cell for cell in cells)
-
-
-def _without_unit(kinds: set[str]) -> tuple[str, dict[str, str]]:
-    """Return the unit of all cells that hold something, and each one's figure; no unit where they are not all alike."""
-    matches = {cell: _QUANTITY.fullmatch(cell) for cell in kinds if not says_nothing(cell)}
-    units = {"" if match is None else match[2].strip() for match in matches.values()}
-    if len(units) != 1 or units == {""}:
-        return "", {}
-    return units.pop(), {cell: match[1] for cell, match in matches.items() if match is not None}
+def _common_unit(kinds: Iterable[str]) -> str:
+    """Return the unit of all cells that hold something, "" where they are not all alike."""
+    unit = ""
+    for cell in kinds:
+        match = None if says_nothing(cell) else _QUANTITY.fullmatch(cell)
+        own = "" if match is None else match[2].strip()
+        if not says_nothing(cell) and (not own or own != (unit or own)):
+            return ""
+        unit = own or unit
+    return unit
 
 
 _WHOLE: Final = re.compile(r"[+-]?\d+|.*:\d\d")
@@ -371,7 +393,7 @@ _MOST_COLUMNS: Final = 12
 _MANY: Final = 20  # values
 
 
-def join_decimals(file: Path, rows: list[list[str]], stated: str | None, repairs: list[str]) -> None:
+def join_decimals(file: Path, rows: Grid, stated: str | None, repairs: list[str]) -> None:
     """Join the two cells of each number with a decimal comma, in place, where there are more cells than names.
 
     Args:
@@ -384,22 +406,24 @@ def join_decimals(file: Path, rows: list[list[str]], stated: str | None, repairs
     Raises:
         LogError: several columns may be those with decimal commas, or one that is stated does not exist.
     """
-    width = Counter(map(len, rows[-_SAMPLE:])).most_common(1)[0][0]
+    width = rows.width
+    sample = [row for row in rows[-_SAMPLE:] if len(row) == width]
     words = [row for row in rows[:_SAMPLE] if 1 < len(row) < width and all(row) and not any(
         is_number(cell) or is_quantity(cell) or stamp(cell) is not None for cell in row)]
     names = max(words, key=lambda row: len({role_of(cell) for cell in row}), default=None)
     if stated is not None:
         columns = () if stated == "none" else _stated(file, stated, names)
     elif names is None:
-        _demand_no_fractions(file, [row for row in rows if len(row) == width][-_SAMPLE:])
+        _demand_no_fractions(file, sample)
         return
     elif width > 2 * len(names) or len(names) > _MOST_COLUMNS:
         return
     else:
-        columns = _found(file, [row for row in rows if len(row) == width][-_SAMPLE:], len(names), width)
+        columns = _found(file, sample, len(names), width)
     if not columns:
         return
-    _join([row for row in rows if len(row) == width], width - len(columns), columns)
+    number = width - len(columns)
+    rows.join(width, [place for i, place in zip(range(number), _places(number, columns), strict=True) if i in columns])
     shown = ", ".join(repr(names[i]) if names else str(i + 1) for i in columns)
     repairs.append(f"The decimal commas of {shown} also separate the cells; each two cells were joined.")
 

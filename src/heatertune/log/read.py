@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from heatertune.arrays import Array
 from heatertune.errors import InputError, LogError, OutOfRange
-from heatertune.log.cells import Sheet, plain_cells, read_sheet
+from heatertune.log.cells import plain_cells, read_sheet
 from heatertune.log.cleaning import (
     kept_rows,
     no_readings,
@@ -43,6 +43,7 @@ from heatertune.log.columns import (
 from heatertune.log.on_change import Mask, at_edges, on_change, spread, without_blank_power
 from heatertune.log.power_range import Power, power_of
 from heatertune.log.quantities import ROLES, is_scaled, on_or_off, says_nothing
+from heatertune.log.sheet import Sheet
 from heatertune.log.side_columns import SIDE_ROLES, is_cooling, quoted
 from heatertune.log.tags import TagSelection, TagTable, by_tags, with_power_rows
 from heatertune.log.values import (
@@ -181,8 +182,7 @@ def _names(sheet: Sheet, columns: Columns, role: str) -> str:
 def _unused(sheet: Sheet, columns: Columns, tagged: TagTable, clock: str) -> tuple[str, ...]:
     used = {i for role, i in columns.index.items() if role != "time" or clock != "counted"}
     flags = {tagged.options.get("quality_column"), tagged.options.get("tag_column")}
-    names = sheet.header or [f"{i + 1}" for i in range(len(sheet.rows[0]))]
-    return tuple(name for i, name in enumerate(names) if i not in used and name not in flags)
+    return tuple(name for i, name in enumerate(sheet.names()) if i not in used and name not in flags)
 
 
 def _reading(
@@ -270,8 +270,8 @@ def read_log(
     wanted |= {role: column for role, column in sides.items() if column is not None}
     tags = TagSelection(
         temperature=None if sheet.part else asked.tag, power=asked.power_tag, setpoint=asked.setpoint_tag,
-        column=asked.tag_column,
-        quality=asked.quality_column, value=asked.temperature_column, time=asked.time_column, date=asked.date_column)
+        column=asked.tag_column, quality=asked.quality_column, value=asked.temperature_column, time=asked.time_column,
+        date=asked.date_column)
     tagged = by_tags(sheet, tags, asked.time_unit)
     if tagged.is_long:
         _demand_no_sides(sheet, wanted, tagged.unused)
@@ -304,13 +304,14 @@ def read_log(
         setpoint_degC=None if setpoint is None else setpoint[kept],
         disturbance=None if disturbance is None else disturbance[kept],
         ambient_degC=None if room is None else room[kept])
-    series, continued, late_s = _put_back(series, edges[kept], tagged.lost_s, repairs, recorded=sheet.recorded)
-    lines = np.asarray(sheet.lines)[kept][continued]
-    tell_gaps(series.time_s, lines, power is not None, doubts)
+    series, continued, late_s = _put_back(series, edges[kept], tagged.lost_s, repairs, recorded=sheet.recorded,
+                                           power_every_s=sheet.power_every_s)
+    tell_gaps(series.time_s, np.abs(sheet.lines)[kept][continued], power is not None, doubts)
     taken = taken_of(
         table.name if table else display_name(Path(source).name), sheet, columns, tagged, time=series.time_s,
         written=FileNotation(clock, unit, power, stated_units(asked)),
-        counts=RowCounts(read=len(time), repeats=repeats, filled=filled + held, put_back=len(lines) - int(kept.sum())),
+        counts=RowCounts(read=len(time), repeats=repeats, filled=filled + held,
+                         put_back=len(continued) - int(kept.sum())),
         options={"sample_time_s": asked.sample_time_s, "run": chosen_run, "skip_empty": asked.skip_empty,
                  "errata": asked.errata, "skip_rows": max(asked.skip_rows, sheet.above),
                  "temperature_scale": asked.temperature_scale, "decimal_comma": asked.decimal_comma,
@@ -339,9 +340,8 @@ def _readings(sheet: Sheet, columns: Columns, time: Array, edges: Mask, *, skip_
     Raises:
         LogError: as `numbers`: a cell without a reading that is neither such a row nor to be left out.
     """
-    place = columns.index["temperature"]
-    explained = bool(np.any(edges)) and all(
-        edge or not says_nothing(row[place]) for edge, row in zip(edges, sheet.rows, strict=True))
+    explained = bool(np.any(edges)) and bool(np.all(
+        edges | ~sheet.columns[columns.index["temperature"]].where(says_nothing)))
     raw = numbers(sheet, columns, "temperature", "a number (--skip-empty leaves out rows whose cell is empty)",
                   holes=skip_empty or explained, blank="a number (--skip-empty leaves such rows out)", lenient=True)
     return at_edges(time, raw, edges)
@@ -351,10 +351,10 @@ def _power_moves(sheet: Sheet, columns: Columns) -> Mask | None:
     """Return in which rows the power moves by more than a tenth of its range, shape (n,); None if it is not logged."""
     if "power" not in columns.index:
         return None
-    cells = [row[columns.index["power"]] for row in sheet.rows]
-    try:
-        values = np.array(on_or_off(cells) or cells, dtype=np.float64)
-    except ValueError:
+    cells = sheet.columns[columns.index["power"]]
+    switched = on_or_off(cells)
+    values = cells.floats() if switched is None else switched
+    if values is None:
         return None
     return np.abs(np.diff(values, prepend=values[:1])) > _MOVES * float(np.ptp(values))
 
@@ -363,12 +363,13 @@ _MOVES: Final = 0.1
 
 
 def _put_back(
-    series: _Series, edges: Mask, lost_s: Sequence[float], repairs: list[str], *, recorded: bool
+    series: _Series, edges: Mask, lost_s: Sequence[float], repairs: list[str], *, recorded: bool,
+    power_every_s: float
 ) -> tuple[_Series, npt.NDArray[np.intp], float]:
     """Return the rows with those that were not written since nothing changed, and the row that each continues.
 
     And by how much the power may have changed before the row that shows it [s]: up to the row before, where no row is
-    there for the power alone.
+    there for the power alone, or an interval of the file that samples the power alone.
     """
     time, temperature = series.time_s, series.temperature_degC
     other = np.zeros(len(time), dtype=np.bool_)
@@ -377,10 +378,12 @@ def _put_back(
             other[1:] |= np.diff(column) != 0.0
     alone = edges | (other & np.array([False, *(np.diff(temperature) == 0.0)]))
     own = ~alone
+    usual_s = float(np.median(np.diff(time[own]))) if np.count_nonzero(own) > 1 else 0.0
+    late_s = power_every_s if power_every_s > _WITHIN * usual_s else 0.0
     written = None if recorded else on_change(time[own], temperature[own])  # a recorder writes each reading
     if written is None:
-        return series, np.arange(len(time)), 0.0
-    late_s = _late_s(time, series.power_pct, alone, written.interval_s)
+        return series, np.arange(len(time)), late_s
+    late_s = late_s or _late_s(time, series.power_pct, alone, written.interval_s)
     rows = spread(time, temperature, written, np.array(lost_s) + time[0])
     if len(rows.source) == len(time):
         return series, rows.source, late_s
@@ -433,7 +436,7 @@ def _opened(
     """Return the cells of a file with plain numbers, and the doubts about a built-in table."""
     sheet = with_names(read_sheet(table.path if table else source, content, asked.skip_rows, asked.tag,
                                   asked.decimal_comma))
-    if not sheet.rows:
+    if not len(sheet):
         raise LogError("the file holds a header and no readings", file=sheet.file, expected="at least 20 rows")
     doubts = list(table.doubts if table else ())
     if table:
@@ -476,8 +479,9 @@ def _errata(table: BuiltIn, sheet: Sheet, apply: bool, doubts: list[str]) -> She
         if not apply:
             doubts.append(f"{misprint} ({erratum.reason}); left as printed.")
             continue
-        row = sheet.rows[sheet.lines.index(erratum.line)]
-        row[sheet.header.index(erratum.column)] = str(erratum.corrected)
+        i, row = sheet.header.index(erratum.column), int(np.flatnonzero(sheet.lines == erratum.line)[0])
+        column = sheet.columns[i]
+        sheet = sheet.with_column(i, [*column[:row], str(erratum.corrected), *column[row + 1:]])
         repairs.append(f"{misprint} ({erratum.reason}); corrected.")
     return replace(sheet, repairs=tuple(repairs))
 
@@ -586,10 +590,10 @@ def _with_cooling(sheet: Sheet, columns: Columns, power: Power | None, repairs: 
     if np.any(power.percent < 0.0):
         repairs.append("The power goes below 0 where it cools; the column of the cooler was not needed.")
         return power
-    switched = on_or_off([row[columns.index["cooling"]] for row in sheet.rows])
+    switched = on_or_off(sheet.columns[columns.index["cooling"]])
     named = columns.unit("cooling")
     full = 1.0 if switched is not None else float(named) if named else power.full_scale
-    values = np.array(switched, dtype=np.float64) if switched is not None else _held(
+    values = switched if switched is not None else _held(
         sheet, columns, "cooling", repairs)[0]
     other = "--cooling-column none --disturbance-column " + quoted(columns.names["cooling"])
     for wrong, problem, expected in (
@@ -612,10 +616,10 @@ def _disturbance(sheet: Sheet, columns: Columns, repairs: list[str]) -> tuple[Ar
     """
     if "disturbance" not in columns.index:
         return None, 0
-    switched = on_or_off([row[columns.index["disturbance"]] for row in sheet.rows])
+    switched = on_or_off(sheet.columns[columns.index["disturbance"]])
     if switched is not None:
         repairs.append("The disturbance is on or off; taken as 1 and 0.")
-        return np.array(switched, dtype=np.float64), 0
+        return switched, 0
     values, filled = _held(sheet, columns, "disturbance", repairs)
     if filled == len(values):
         raise LogError("the column of the disturbance is empty", file=sheet.file,

@@ -6,15 +6,15 @@ Columns whose names say nothing, but whose cells do: they are asked for, not pas
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Final
 
 import numpy as np
 
 from heatertune.arrays import Array
 from heatertune.errors import LogError
-from heatertune.log.cells import Sheet
 from heatertune.log.quantities import is_second_choice, on_or_off, role_of, says_nothing, unit_in_name
+from heatertune.log.sheet import CellColumn, Sheet
 
 __all__ = [
     "SIDE_ROLES", "add_side_columns", "demand_no_likely_power", "demand_own_temperature", "is_cooling", "is_fan",
@@ -31,20 +31,19 @@ _FEW_CHANGES: Final = 0.1  # of the rows: a power that is set rather than measur
 _FEW_LEVELS: Final = 12
 
 
-def likely_power(name: str, cells: Sequence[str], *, in_percent: bool = False) -> bool:
+def likely_power(name: str, cells: CellColumn, *, in_percent: bool = False) -> bool:
     """Return whether a column that nobody has named a power may be one by its content.
 
     Its cells are on and off, or percent by name or unit; or they are numbers that stand and change at once,
     from 0 up or on both sides of it.
     """
-    written = [cell for cell in cells if not says_nothing(cell)]
-    if len(written) < len(cells) * (1.0 - _MOST_TEXT) or len(set(written)) < 2 or _NO_POWER.search(name):
+    written = _written(cells)
+    if len(written) < len(cells) * (1.0 - _MOST_TEXT) or all(
+            cell == written[0] for cell in written.kinds()) or _NO_POWER.search(name):
         return False
     if on_or_off(written) is not None:
         return True
-    try:
-        values = np.array(written, dtype=np.float64)
-    except ValueError:
+    if (values := written.floats()) is None:
         return False
     changes = np.count_nonzero(np.diff(values)) / len(values)
     in_percent |= unit_in_name("power", name) == "100"
@@ -62,9 +61,9 @@ def demand_no_likely_power(sheet: Sheet, index: Mapping[str, int]) -> None:
     Raises:
         LogError: there is one, or several.
     """
-    names = sheet.header or [""] * len(sheet.rows[0])
+    names = sheet.header or [""] * len(sheet.columns)
     likely = [i for i, name in enumerate(names) if i not in index.values() and role_of(name) is None
-              and likely_power(name, [row[i] for row in sheet.rows], in_percent=bool(
+              and likely_power(name, sheet.columns[i], in_percent=bool(
                   sheet.units and sheet.units[i] in ("%", "pct")))]
     if likely:
         names = [quoted(names[i]) if names[i] else str(i + 1) for i in likely]
@@ -82,7 +81,7 @@ def demand_own_temperature(sheet: Sheet, index: Mapping[str, int]) -> None:
     if not is_second_choice(name):
         return
     others = [i for i, head in enumerate(sheet.header) if i not in index.values() and role_of(head) is None
-              and _is_measured([row[i] for row in sheet.rows])]
+              and _is_measured(sheet.columns[i])]
     if others:
         names = [quoted(sheet.header[i]) if sheet.header[i] else str(i + 1) for i in others]
         raise LogError(f"the only temperature by its name is {name!r}, but {' or '.join(names)} may be the heater's",
@@ -93,13 +92,16 @@ def demand_own_temperature(sheet: Sheet, index: Mapping[str, int]) -> None:
 _MEASURED: Final = 10  # values, at least
 
 
-def _is_measured(cells: Sequence[str]) -> bool:
+def _is_measured(cells: CellColumn) -> bool:
     """Return whether a column holds numbers of many values, that do not only grow."""
-    try:
-        values = np.array([cell for cell in cells if not says_nothing(cell)], dtype=np.float64)
-    except ValueError:
-        return False
-    return len(np.unique(values)) > _MEASURED and bool(np.any(np.diff(values) < 0.0))
+    values = _written(cells).floats()
+    return values is not None and len(np.unique(values)) > _MEASURED and bool(np.any(np.diff(values) < 0.0))
+
+
+def _written(cells: CellColumn) -> CellColumn:
+    """Return the cells that hold something."""
+    values = cells.floats()
+    return cells if values is not None and not np.any(np.isnan(values)) else cells.taken(~cells.where(says_nothing))
 
 
 def quoted(text: str) -> str:
@@ -150,20 +152,20 @@ def add_side_columns(sheet: Sheet, index: dict[str, int], absent: set[str], note
         if role in absent or role in index:
             continue
         found = [i for i, name in enumerate(sheet.header)
-                 if i not in index.values() and fits(name) and does(_values([row[i] for row in sheet.rows]))]
+                 if i not in index.values() and fits(name) and does(_values(sheet.columns[i]))]
         if found:
             index[role] = found[0]
             notes.append(f"{sheet.header[found[0]]!r} was taken as {told} (otherwise: --{role}-column none).")
 
 
-def _values(cells: list[str]) -> Array:
+def _values(cells: CellColumn) -> Array:
     """Return the numbers in a column, none if many cells hold no number; on and off are 1 and 0."""
-    written = [cell for cell in cells if not says_nothing(cell)]
-    try:
-        values = np.array(on_or_off(written) or written, dtype=np.float64)
-    except ValueError:
+    written = _written(cells)
+    switched = on_or_off(written)
+    values = written.floats() if switched is None else switched
+    if values is None or len(written) < len(cells) * (1.0 - _MOST_BLANK):
         return np.zeros(0)
-    return values if len(written) >= len(cells) * (1.0 - _MOST_BLANK) and np.all(np.isfinite(values)) else np.zeros(0)
+    return values if np.all(np.isfinite(values)) else np.zeros(0)
 
 
 def _moves(values: Array) -> bool:

@@ -11,7 +11,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -19,13 +19,13 @@ import numpy.typing as npt
 
 from heatertune.arrays import Array
 from heatertune.errors import LogError
-from heatertune.log.cells import Sheet
 from heatertune.log.columns import NO_COLUMN, Columns, choose_column, find_columns, seconds, with_dates
-from heatertune.log.on_change import good_rows, is_quality, on_change
+from heatertune.log.on_change import differs, good_rows, is_quality, on_change
 from heatertune.log.quantities import (
     is_number,
     is_quantity,
     is_second_choice,
+    is_switch_word,
     on_or_off,
     plain_name,
     plain_quantities,
@@ -34,6 +34,7 @@ from heatertune.log.quantities import (
     stamp,
     unit_in_name,
 )
+from heatertune.log.sheet import CellColumn, Sheet
 from heatertune.log.side_columns import likely_power, quoted
 from heatertune.settings import ReadSettings
 from heatertune.units import count
@@ -49,15 +50,24 @@ _SWITCHED: Final = 0.01  # share of the intervals in which a power changes more 
 
 
 class HeldSeries(NamedTuple):
-    """Cells at the requested instants, the number of these before the first value, the repairs, and the new unit."""
+    """Cells at the requested instants.
 
-    cells: list[str]
+    Attributes:
+        cells: one for each instant.
+        late: number of the instants before the first value.
+        notes: the repairs.
+        rows: the value that each cell repeats, shape (n,).
+        unit: of the cells, if it is a new one.
+    """
+
+    cells: CellColumn
     late: int
     notes: list[str]
+    rows: npt.NDArray[np.intp]
     unit: str = ""
 
 
-def hold_series(at: Array, time: Array, cells: Sequence[str], *, is_power: bool) -> HeldSeries:
+def hold_series(at: Array, time: Array, cells: CellColumn, *, is_power: bool) -> HeldSeries:
     """Resample a series at other instants by sample and hold.
 
     A power that changes more than once between two instants is averaged over each interval, because its value at the
@@ -71,22 +81,24 @@ def hold_series(at: Array, time: Array, cells: Sequence[str], *, is_power: bool)
     """
     places = np.searchsorted(time, at, side="right") - 1
     late = int(np.count_nonzero(places < 0))
-    values = [cells[k] for k in np.maximum(places, 0)]
+    held = np.maximum(places, 0)
+    values = cells.taken(held)
     if not is_power:
-        return HeldSeries(values, 0,
-                          [f"The setpoint of the first {count(late, 'row')} is taken from after."] if late else [])
+        notes = [f"The setpoint of the first {count(late, 'row')} is taken from after."] if late else []
+        return HeldSeries(values, 0, notes, held)
     notes = [f"{count(late, 'row')} before the first power left out."] if late else []
     switched = on_or_off(cells)
     moved = _latest(at, time, cells)
     twice = changes_twice(at, time, cells)
-    means = _means(at, time, switched or cells) if twice or (moved > 0.0 and len(set(cells)) > _FEW_LEVELS) else None
+    means = _means(at, time, cells, switched) if twice or (
+        moved > 0.0 and cells.levels() > _FEW_LEVELS) else None
     if means is not None:
         changes = "more than once " if twice else ""
         notes.append(f"The power changes {changes}between readings; its mean over each interval was taken.")
-        values = [repr(float(mean) * (100.0 if switched else 1.0)) for mean in means]
+        values = CellColumn.of(repr(float(mean) * (1.0 if switched is None else 100.0)) for mean in means)
     elif moved > 0.0:
         notes.append(f"The power is held to the next reading, up to {moved:.3g} s after it changed.")
-    return HeldSeries(values, late, notes, "%" if switched and means is not None else "")
+    return HeldSeries(values, late, notes, held, "%" if switched is not None and means is not None else "")
 
 
 def _changes(time: Array, cells: Sequence[str]) -> Array:
@@ -112,11 +124,10 @@ def changes_twice(at: Array, time: Array, cells: Sequence[str]) -> bool:
     return bool(np.count_nonzero(in_each > 1) > _SWITCHED * len(at))
 
 
-def _means(at: Array, time: Array, cells: Sequence[str]) -> Array | None:
+def _means(at: Array, time: Array, cells: CellColumn, switched: Array | None) -> Array | None:
     """Return the mean over each interval; None if the power is not a number."""
-    try:
-        values = np.array([float(cell) for cell in cells])
-    except ValueError:
+    values = cells.floats() if switched is None else switched
+    if values is None:
         return None
     ends = np.append(at, at[-1] + float(np.median(np.diff(at))))
     grown = np.concatenate([[0.0], np.cumsum(values[:-1] * np.diff(time))])
@@ -195,7 +206,7 @@ def by_tags(sheet: Sheet, asked: TagSelection, time_unit: str | None) -> TagTabl
     """
     sheet = _with_long_header(sheet)
     quality, options = _quality_place(sheet, asked), {}
-    good = np.ones(len(sheet.rows), dtype=np.bool_) if quality is None else good_rows(sheet, quality)
+    good = np.ones(len(sheet), dtype=np.bool_) if quality is None else good_rows(sheet, quality)
     if quality is not None:
         options["quality_column"] = _name(sheet, quality)
     elif asked.quality is not None:
@@ -214,19 +225,19 @@ def by_tags(sheet: Sheet, asked: TagSelection, time_unit: str | None) -> TagTabl
 
 def _with_long_header(sheet: Sheet) -> Sheet:
     """Return a table without names with those of a long one, if its cells are a time, one of few texts, and a value."""
-    if sheet.header or len(sheet.rows[0]) < _LEAST_COLUMNS:
+    if sheet.header or len(sheet.columns) < _LEAST_COLUMNS:
         return sheet
-    some = sheet.rows[:_SAMPLE_ROWS]
-    clocks = [i for i in range(len(some[0])) if all(stamp(row[i]) is not None for row in some)]
-    tags = [i for i in range(len(some[0])) if i not in clocks and not any(is_number(row[i]) for row in some)
-            and 1 < len({row[i] for row in sheet.rows}) <= len(sheet.rows) // 4]
-    values = [i for i in range(len(some[0])) if i not in (*clocks, *tags)
-              and sum(is_number(row[i]) or is_quantity(row[i]) for row in some) > len(some) / 2]
+    some = {i: column[:_SAMPLE_ROWS] for i, column in enumerate(sheet.columns)}
+    clocks = [i for i, cells in some.items() if all(stamp(cell) is not None for cell in cells)]
+    tags = [i for i, cells in some.items() if i not in clocks and not any(map(is_number, cells))
+            and 1 < sheet.columns[i].levels() <= len(sheet) // 4]
+    values = [i for i, cells in some.items() if i not in (*clocks, *tags)
+              and sum(is_number(cell) or is_quantity(cell) for cell in cells) > len(cells) / 2]
     if len(clocks) != 1 or len(tags) != 1 or len(values) != 1:
         return sheet
     names = {clocks[0]: "time", tags[0]: "tag", values[0]: "value"}
     note = "The file has no header; by its cells a table of time, tag and value."
-    return replace(sheet, header=tuple(names.get(i, f"column {i + 1}") for i in range(len(some[0]))),
+    return replace(sheet, header=tuple(names.get(i, f"column {i + 1}") for i in some),
                    repairs=(*sheet.repairs, note))
 
 
@@ -270,11 +281,11 @@ def places(sheet: Sheet, asked: TagSelection) -> tuple[int | None, int | None]:
 
 def _repeats(sheet: Sheet, i: int) -> bool:
     """Return whether a column holds few texts again and again: tags, not the numbers of the rows."""
-    return len({row[i] for row in sheet.rows}) <= max(1, len(sheet.rows) // 4)
+    return sheet.columns[i].levels() <= max(1, len(sheet) // 4)
 
 
 def _name(sheet: Sheet, i: int) -> str:
-    return sheet.header[i] if sheet.header else f"{i + 1}"
+    return sheet.names()[i]
 
 
 def _one_tag(
@@ -282,11 +293,11 @@ def _one_tag(
 ) -> tuple[Sheet, npt.NDArray[np.bool_], dict[str, str]]:
     """Return the rows of one tag of a wide table."""
     if tag is None:
-        tag = next((i for i in range(len(sheet.rows[0])) if any(row[i] == wanted for row in sheet.rows)), None)
-    if tag is None or all(row[tag] != wanted for row in sheet.rows):
+        tag = next((i for i, column in enumerate(sheet.columns) if wanted in column.kinds()), None)
+    if tag is None or wanted not in sheet.columns[tag].kinds():
         raise LogError("no cell holds the tag", file=sheet.file, value=wanted, expected="--tag-column, and a tag of it")
-    places = [k for k, row in enumerate(sheet.rows) if row[tag] == wanted]
-    note = f"Of {len(sheet.rows)} rows the {len(places)} whose {_name(sheet, tag)!r} is {wanted!r} were read."
+    places = sheet.columns[tag].where(wanted.__eq__)
+    note = f"Of {len(sheet)} rows the {np.count_nonzero(places)} whose {_name(sheet, tag)!r} is {wanted!r} were read."
     sheet = replace(sheet.picked(places), repairs=(*sheet.repairs, note))
     return sheet, good[places], {"tag": wanted, "tag_column": _name(sheet, tag)}
 
@@ -294,12 +305,12 @@ def _one_tag(
 def _without_bad(sheet: Sheet, good: npt.NDArray[np.bool_]) -> Sheet:
     if not np.any(good):
         raise LogError("no row is of good quality", file=sheet.file, expected="--quality-column none to read all rows")
-    return replace(sheet.picked(np.flatnonzero(good).tolist()), repairs=(*sheet.repairs, _bad(sheet, ~good)))
+    return replace(sheet.picked(good), repairs=(*sheet.repairs, _bad(sheet, ~good)))
 
 
 def _bad(sheet: Sheet, bad: npt.NDArray[np.bool_]) -> str:
     rows = np.flatnonzero(bad)
-    lines = ", ".join(f"line {sheet.lines[row]}" for row in rows[:5])
+    lines = ", ".join(f"line {sheet.line_name(row)}" for row in rows[:5])
     more = f" and {len(rows) - 5} more" if len(rows) > 5 else ""
     return f"{count(len(rows), 'row')} whose quality is not good left out ({lines}{more})."
 
@@ -309,33 +320,34 @@ def _pivoted(
     options: Mapping[str, str],
 ) -> TagTable:
     """Return the long table with a row for each reading of the temperature."""
-    tags = list(dict.fromkeys(row[tag] for row in sheet.rows))
+    of_tag, values = sheet.columns[tag], sheet.columns[value]
+    tags = list(dict.fromkeys(of_tag))
     roles = _roles(sheet, tags, tag, asked)
-    clock, time = _time(sheet, asked, time_unit)
-    good = good & np.array([not says_nothing(row[value]) for row in sheet.rows], dtype=np.bool_)
-    of_tag = np.array([row[tag] for row in sheet.rows], dtype=object)
-    bad = np.isin(of_tag, list(roles.values())) & ~good
-    series = {role: _series(of_tag == name, good, time) for role, name in roles.items()}
+    sheet, clock, time = _time(sheet, asked, time_unit)
+    good = good & ~values.where(says_nothing)
+    bad = of_tag.where(lambda name: name in roles.values()) & ~good
+    series = {role: _series(of_tag.where(name.__eq__), good, time) for role, name in roles.items()}
     for role, places in series.items():
         _demand_order(sheet, role, roles[role], time[places], places)
     rows, edges = _with_edges(sheet, value, series, time)
-    others = {role: hold_series(time[rows], time[places], [sheet.rows[k][value] for k in places],
+    others = {role: hold_series(time[rows], time[places], values.taken(places),
                                 is_power=role == "power")
               for role, places in series.items() if role != "temperature"}
     late = max((other.late for other in others.values()), default=0)
     if late == len(rows):
         raise LogError(f"no reading of the tag {roles['temperature']!r} after the first of the power", file=sheet.file,
                        expected=f"another {_OPTIONS['power']}, or {_OPTIONS['power']} none")
+    power_lines = None if "power" not in others else sheet.lines[series["power"][others["power"].rows[late:]]]
     parts = ", ".join(f"{name!r} as the {role}" for role, name in roles.items())
     repairs = [f"The table is long: of its column {_name(sheet, tag)!r}, {parts}, was read."]
     repairs += [_bad(sheet, bad)] if np.any(bad) else []
     units = {role: others[role].unit if role in others else "" for role in series}
     return TagTable(
         sheet=replace(
-            sheet, comment=(), units=(), lines=[sheet.lines[k] for k in rows[late:]],
+            sheet, comment=(), units=(), lines=sheet.lines[rows[late:]], power_lines=power_lines,
             header=(sheet.header[clock[0]], *(_with_unit(sheet, tag, roles[role], units[role]) for role in series)),
-            rows=[[sheet.rows[k][clock[0]], "" if k in edges else sheet.rows[k][value],
-                   *(other.cells[n] for other in others.values())] for n, k in enumerate(rows) if n >= late],
+            columns=(sheet.columns[clock[0]].taken(rows[late:]), _blanked(values, rows[late:], edges),
+                     *(other.cells.taken(slice(late, None)) for other in others.values())),
             repairs=(*sheet.repairs, *repairs, *(note for other in others.values() for note in other.notes)),
         ),
         lost=int(np.count_nonzero(bad)) + late,
@@ -347,7 +359,7 @@ def _pivoted(
         },
         wanted={role: n + 1 for n, role in enumerate(["time", *series])}
         | {role: NO_COLUMN for role in _ROLES if role not in series},
-        lost_s=tuple(time[(of_tag == roles["temperature"]) & ~good] - time[rows[late]]),
+        lost_s=tuple(time[of_tag.where(roles["temperature"].__eq__) & ~good] - time[rows[late]]),
     )
 
 
@@ -363,7 +375,7 @@ def _with_edges(
     if "power" not in series:
         return rows, frozenset()
     power = series["power"]
-    cells = [sheet.rows[k][value] for k in power]
+    cells = sheet.columns[value].taken(power)
     changed = power[1:][[a != b for a, b in pairwise(cells)]]
     within = (time[changed] > time[rows[0]]) & (time[changed] < time[rows[-1]])
     edges = changed[within & ~np.isin(time[changed], time[rows])]
@@ -374,15 +386,19 @@ def _with_edges(
     return both[np.argsort(time[both], kind="stable")], frozenset(edges.tolist())
 
 
+def _blanked(cells: CellColumn, rows: npt.NDArray[np.intp], edges: frozenset[int]) -> CellColumn:
+    """Return the cells of some rows, empty in those that hold another power alone."""
+    taken = cells.taken(rows)
+    return taken if not edges else CellColumn.of(
+        "" if k in edges else cell for k, cell in zip(rows.tolist(), taken, strict=True))
+
+
 def _stands(sheet: Sheet, value: int, rows: npt.NDArray[np.intp], time: Array) -> bool:
     """Return whether the temperature is written on change."""
-    cells = [sheet.rows[k][value] for k in rows]
+    cells = sheet.columns[value].taken(rows)
     plain = plain_quantities(cells)
-    try:
-        readings = np.array(cells if plain is None else plain[0], dtype=np.float64)
-    except ValueError:
-        return False
-    return on_change(time[rows], readings) is not None
+    readings = (cells if plain is None else plain[0]).floats()
+    return readings is not None and on_change(time[rows], readings) is not None
 
 
 def _unused(
@@ -407,8 +423,8 @@ def _demand_order(sheet: Sheet, role: str, name: str, time: Array, places: npt.N
         raise LogError(f"no good reading of the tag {name!r}", file=sheet.file, expected=f"{_OPTIONS[role]}, another")
     back = np.flatnonzero(np.diff(time) < 0)
     if len(back):
-        raise LogError(f"the time of the tag {name!r} goes backwards", file=sheet.file,
-                       line=sheet.lines[places[back[0] + 1]])
+        raise LogError(f"the time of the tag {name!r} goes backwards", file=sheet.origin(places[back[0] + 1])[0],
+                       line=sheet.origin(places[back[0] + 1])[1])
 
 
 def _with_unit(sheet: Sheet, tag: int, name: str, unit: str) -> str:
@@ -416,7 +432,8 @@ def _with_unit(sheet: Sheet, tag: int, name: str, unit: str) -> str:
     plain = f"tag {name}" if name.isdecimal() else name
     place = next((i for i, head in enumerate(sheet.header) if _UNIT.fullmatch(plain_name(head))), None)
     if not unit and place is not None:
-        unit = next((row[place] for row in sheet.rows if row[tag] == name and row[place]), "")
+        unit = next((unit for unit, of_tag in zip(sheet.columns[place], sheet.columns[tag], strict=True)
+                     if unit and of_tag == name), "")
     return f"{plain} [{unit}]" if unit else plain
 
 
@@ -458,8 +475,8 @@ def _tags_in_degrees(sheet: Sheet, tag: int, selection: TagSelection) -> frozens
     if value is None:
         return frozenset()
     first: dict[str, str] = {}
-    for row in sheet.rows:
-        first.setdefault(row[tag], row[value])
+    for name, cell in zip(sheet.columns[tag], sheet.columns[value], strict=True):
+        first.setdefault(name, cell)
     return frozenset(name for name, cell in first.items()
                      if is_quantity(cell) and unit_in_name("temperature", f"[{cell.split()[-1]}]"))
 
@@ -471,14 +488,14 @@ def _demand_no_likely_power(sheet: Sheet, tags: Sequence[str], tag: int, selecti
         LogError: there is one, or several.
     """
     value = places(sheet, selection)[1]
-    cells: dict[str, list[str]] = {name: [] for name in tags if _role_of_tag(name) is None}
     if value is None:
         return
-    for row in sheet.rows:
-        if row[tag] in cells:
-            cells[row[tag]].append(row[value])
-    plain = {name: plain_quantities(column) or (column, "", False) for name, column in cells.items() if column}
-    likely = [name for name, (figures, unit, _) in plain.items() if likely_power(name, figures, in_percent=unit == "%")]
+    likely = []
+    for name in tags:
+        if _role_of_tag(name) is None:
+            cells = sheet.columns[value].taken(sheet.columns[tag].where(name.__eq__))
+            figures, unit, _ = plain_quantities(cells) or (cells, "", False)
+            likely += [name] if likely_power(name, figures, in_percent=unit == "%") else []
     if likely:
         names = " or ".join(map(quoted, likely[:_SHOWN]))
         raise LogError(f"no tag is named as the power, but {names} may be it by its values", file=sheet.file,
@@ -492,8 +509,8 @@ def _role_of_tag(name: str) -> str | None:
     return "power" if role in (None, "time") and before[:1] == ["switch"] else role
 
 
-def _time(sheet: Sheet, asked: TagSelection, unit: str | None) -> tuple[tuple[int, ...], Array]:
-    """Return the time column, the date column if it is separate, and the time of each row [s].
+def _time(sheet: Sheet, asked: TagSelection, unit: str | None) -> tuple[Sheet, tuple[int, ...], Array]:
+    """Return the sheet with whole instants, the columns of time and of a separate date, and the time of each row [s].
 
     A WinCC panel writes two times; the one with the finer resolution is used.
     """
@@ -506,23 +523,25 @@ def _time(sheet: Sheet, asked: TagSelection, unit: str | None) -> tuple[tuple[in
             raise LogError("the file has no time column", file=sheet.file, expected="--time-column NAME or N")
         place = min(clocks, key=lambda i: is_second_choice(sheet.header[i]))
     if names == _WINCC and names[place] == "timestring":
-        _refine(sheet, place)
+        sheet = _refined(sheet, place)
     columns = Columns(index={"time": place}, names={"time": _name(sheet, place)})
     sheet, columns = with_dates(sheet, columns, asked.date)
-    return tuple(columns.index.values()), seconds(sheet, columns, unit, None, [])[0]
+    return sheet, tuple(columns.index.values()), seconds(sheet, columns, unit, None, [])[0]
 
 
-def _refine(sheet: Sheet, place: int) -> None:
-    """Put the time of WinCC's Time_ms, millionths of days, in place of the stamp in whole seconds."""
+def _refined(sheet: Sheet, place: int) -> Sheet:
+    """Return the sheet with WinCC's Time_ms, millionths of days, in place of the stamp in whole seconds."""
+    def moment(cell: str) -> str:
+        return (_FIRST_DAY + timedelta(days=float(cell) / 1e6)).isoformat(" ", "milliseconds")
+
     try:
-        moments = [_FIRST_DAY + timedelta(days=float(row[-1]) / 1e6) for row in sheet.rows]
+        return sheet.with_column(place, sheet.columns[-1].map(moment))
     except (ValueError, OverflowError):
-        return
-    for row, moment in zip(sheet.rows, moments, strict=True):
-        row[place] = moment.isoformat(" ", "milliseconds")
+        return sheet
 
 
 _ZONE: Final = re.compile(r"(Z|UTC|[+-]\d\d:?\d\d)$")
+_REPEATS: Final = 0.02  # of the rows of a power's file may repeat the one before, if it holds its changes
 _NEAR: Final = 1.0  # length of the log by which the power may end before it
 
 
@@ -540,9 +559,10 @@ def with_power_rows(sheet: Sheet, powers: Sheet, asked: ReadSettings) -> tuple[S
     repairs = (*sheet.repairs, f"The power was read from {powers.file}.")
     tag, value = places(sheet, TagSelection(temperature=asked.tag, power=asked.power_tag, setpoint=asked.setpoint_tag,
                                             column=asked.tag_column, value=asked.temperature_column))
+    sheet = replace(sheet, repairs=repairs, other_file=powers.file)
     if sheet.header == powers.header and tag is not None and value is not None:
-        return replace(sheet, rows=[*sheet.rows, *powers.rows], lines=[*sheet.lines, *powers.lines],
-                       repairs=repairs), asked
+        both = (CellColumn.of(chain(*cells)) for cells in zip(sheet.columns, powers.columns, strict=True))
+        return replace(sheet, columns=tuple(both), lines=np.concatenate([sheet.lines, -powers.lines])), asked
     wanted = {"time": asked.time_column, "temperature": asked.temperature_column, "power": NO_COLUMN}
     sheet, own = with_dates(sheet, find_columns(
         sheet, {role: column for role, column in wanted.items() if column is not None}), asked.date_column)
@@ -550,24 +570,35 @@ def with_power_rows(sheet: Sheet, powers: Sheet, asked: ReadSettings) -> tuple[S
     powers, other = with_dates(powers, find_columns(
         powers, {"temperature": power + 1, "power": NO_COLUMN, "setpoint": NO_COLUMN}), None)
     at_s, power_s = _common_s(sheet, own, powers, other, asked.time_unit)
-    time, width = own.index["time"], len(sheet.rows[0])
-    instants, lines, rows = at_s.tolist(), [*sheet.lines], [[*row, ""] for row in sheet.rows]
+    width = len(sheet.columns)
+    instants, lines, power_lines = at_s.tolist(), sheet.lines.tolist(), [0] * len(sheet)
+    powers_of, times = [""] * len(sheet), list[str]()
     first = {instant: k for k, instant in reversed([*enumerate(instants)])}
-    for instant, row, line in zip(power_s.tolist(), powers.rows, powers.lines, strict=True):
-        k = first.get(instant)
-        if k is None or rows[k][width]:  # else of a reading's own row
-            k = len(rows)
-            rows.append([row[other.index["time"]] if i == time else "" for i in range(width + 1)])
-            instants.append(instant)
-            lines.append(line)
-        rows[k][width] = row[power]
-    order = np.argsort(instants, kind="stable").tolist()
+    changes = differs(powers.columns[power])
+    changes[:1] = True
+    sampled = np.count_nonzero(changes) < (1.0 - _REPEATS) * len(changes)
+    for k in np.flatnonzero(changes).tolist():
+        instant, clock, cell = power_s[k], powers.columns[other.index["time"]][k], powers.columns[power][k]
+        row = first.get(float(instant))
+        if row is None or powers_of[row]:  # else of a reading's own row
+            powers_of.append(cell)
+            times.append(clock)
+            instants.append(float(instant))
+            lines.append(-int(powers.lines[k]))
+            power_lines.append(lines[-1])
+        else:
+            powers_of[row], power_lines[row] = cell, -int(powers.lines[k])
+    order = np.argsort(instants, kind="stable")
     name = powers.header[power] if powers.header and role_of(powers.header[power]) == "power" else "power"
     unit = powers.units[power] if powers.units else ""
+    added = (times if i == own.index["time"] else [""] * len(times) for i in range(width))
+    columns = [CellColumn.of(chain(*cells)) for cells in zip(sheet.columns, added, strict=True)]
     return replace(
-        sheet, header=(*sheet.header, name) if sheet.header else (), repairs=repairs,
+        sheet, header=(*sheet.header, name) if sheet.header else (),
         units=(*(sheet.units or ("",) * width), unit) if sheet.units or unit else (),
-        rows=[rows[k] for k in order], lines=[lines[k] for k in order],
+        columns=tuple(column.taken(order) for column in (*columns, CellColumn.of(powers_of))),
+        lines=np.array(lines, dtype=np.int64)[order], power_lines=np.array(power_lines, dtype=np.int64)[order],
+        power_every_s=float(np.median(np.diff(power_s))) if sampled else 0.0,
     ), replace(asked, power_column=str(width + 1), date_column=None)
 
 
@@ -575,10 +606,10 @@ def _power_place(powers: Sheet, asked: ReadSettings) -> int:
     """Return the column of the power: as stated, by its name, or the only one with numbers beside the time."""
     if asked.power_column is not None:
         return choose_column(powers, "power", asked.power_column)
-    names = powers.header or tuple(f"{i + 1}" for i in range(len(powers.rows[0])))
+    names = powers.names()
     candidates = [i for i, name in enumerate(powers.header) if role_of(name) == "power"] or [
         i for i, name in enumerate(names) if role_of(name) != "time" and (i > 0 or powers.header)
-        and (all(is_number(row[i]) for row in powers.rows) or on_or_off([row[i] for row in powers.rows]))]
+        and any(all(map(holds, powers.columns[i].kinds())) for holds in (is_number, is_switch_word))]
     if len(candidates) != 1:
         found = f"no column is a power ({', '.join(names)})" if not candidates else (
             f"several columns may be the power ({', '.join(names[i] for i in candidates)})")
@@ -591,7 +622,7 @@ def _common_s(sheet: Sheet, own: Columns, powers: Sheet, other: Columns, unit: s
     if "time" not in other.index or "time" not in own.index:
         file = sheet if "time" not in own.index else powers
         raise LogError("the file has no time column", file=file.file, expected="a time in both files")
-    first, second = (each.rows[0][place.index["time"]] for each, place in ((sheet, own), (powers, other)))
+    first, second = (each.columns[place.index["time"]][0] for each, place in ((sheet, own), (powers, other)))
     units = own.unit("time"), other.unit("time")
     ways = {
         f"as {first!r}": is_number(first) == is_number(second),
@@ -601,19 +632,17 @@ def _common_s(sheet: Sheet, own: Columns, powers: Sheet, other: Columns, unit: s
     for expected, holds in ways.items():
         if not holds:
             raise LogError("a time that cannot be compared with those of the other file", file=powers.file,
-                           line=powers.lines[0], column=other.names["time"], value=second, expected=expected)
-    row = list(sheet.rows[0])
-    row[own.index["time"]] = second
-    both = replace(sheet, rows=[sheet.rows[0], row], lines=[sheet.lines[0], powers.lines[0]])
+                           line=int(powers.lines[0]), column=other.names["time"], value=second, expected=expected)
+    both = sheet.picked(np.zeros(2, dtype=np.intp)).with_column(own.index["time"], [first, second])
     begins = np.diff(seconds(both, own, unit, None, [])[0])[0]
     at_s, power_s = (seconds(each, place, unit, None, [])[0] for each, place in ((sheet, own), (powers, other)))
     for each, place, time in ((sheet, own, at_s), (powers, other, power_s)):
         if len(back := np.flatnonzero(np.diff(time) < 0.0)):
-            raise LogError("the time goes backwards", file=each.file, line=each.lines[back[0] + 1],
-                           column=place.names["time"], value=each.rows[back[0] + 1][place.index["time"]],
+            raise LogError("the time goes backwards", file=each.file, line=int(each.lines[back[0] + 1]),
+                           column=place.names["time"], value=each.columns[place.index["time"]][int(back[0]) + 1],
                            expected="one run in each of the two files, in the order of its time")
     at_s, power_s = at_s - at_s[0], np.round(power_s - power_s[0] + begins, 6)
     if power_s[0] > at_s[-1] or power_s[-1] < -_NEAR * at_s[-1]:
-        raise LogError("powers from another time than the temperatures", file=powers.file, line=powers.lines[0],
+        raise LogError("powers from another time than the temperatures", file=powers.file, line=int(powers.lines[0]),
                        value=second, expected=f"times near {first}")
     return np.round(at_s, 6), power_s

@@ -22,10 +22,11 @@ from heatertune.arrays import Array
 from heatertune.commissioned import AsLeftSettings
 from heatertune.errors import HeatertuneError, InputError, LogError
 from heatertune.log import read_log
-from heatertune.log.cells import Sheet, plain_cells, read_sheet
+from heatertune.log.cells import plain_cells, read_sheet
 from heatertune.log.columns import NO_COLUMN, find_columns, with_names
 from heatertune.log.on_change import is_quality
 from heatertune.log.quantities import role_of
+from heatertune.log.sheet import Sheet
 from heatertune.log.tags import TagSelection, places
 from heatertune.log.values import Log
 from heatertune.options import Option, options_of
@@ -168,7 +169,7 @@ class DroppedFile:
         reading = _reading(sheet, settings) if log is None or log.taken is None else log.taken.reading
         columns, tags = _columns(sheet, reading, log), _tags(sheet, reading)
         place = next((i for i, column in enumerate(columns) if column.role == "zone"), None)
-        zones = () if place is None else tuple(islice(dict.fromkeys(row[place] for row in sheet.rows), _MOST_TAGS))
+        zones = () if place is None else tuple(islice(dict.fromkeys(sheet.columns[place]), _MOST_TAGS))
         return cls(name=plain, content=content, columns=columns, tags=tags, zones=zones, **given)
 
     @property
@@ -375,12 +376,11 @@ def _columns(sheet: Sheet, reading: Mapping[str, Any], log: Log | None) -> tuple
         place = _place(sheet, reading.get(option))
         if place is not None:
             taken.setdefault(place, role)
-    names = sheet.header or tuple(f"{i + 1}" for i in range(len(sheet.rows[0])))
     return tuple(
         SheetColumn(name=name, role=taken.get(i, IGNORED), roles=_LONG_ROLES if long else ROLES,
                unit=_unit_sheet(taken.get(i, IGNORED), reading, log),
-               cells=tuple(row[i] for row in islice(sheet.rows, _ROWS)))
-        for i, name in enumerate(names))
+               cells=tuple(sheet.columns[i][:_ROWS]))
+        for i, name in enumerate(sheet.names()))
 
 
 def _unit_sheet(role: str, reading: Mapping[str, Any], log: Log | None) -> str:
@@ -402,8 +402,8 @@ def _tags(sheet: Sheet, reading: Mapping[str, Any]) -> tuple[SheetColumn, ...]:
     if tag is None or value is None or wide:
         return ()
     cells: dict[str, list[str]] = {}
-    for row in sheet.rows:
-        cells.setdefault(row[tag], []).append(row[value])
+    for name, cell in zip(sheet.columns[tag], sheet.columns[value], strict=True):
+        cells.setdefault(name, []).append(cell)
     taken = {reading.get(option): role for role, option in _TAG_OPTIONS.items()}
     return tuple(
         SheetColumn(name=name, role=taken.get(name, IGNORED), roles=TAG_ROLES, cells=tuple(held[:_ROWS]),
@@ -418,7 +418,7 @@ def _place(sheet: Sheet, said: Any) -> int | None:
     if str(said) in sheet.header:
         return sheet.header.index(str(said))
     number = int(said) if str(said).isdecimal() else 0
-    return number - 1 if 1 <= number <= len(sheet.rows[0]) else None
+    return number - 1 if 1 <= number <= len(sheet.columns) else None
 
 
 def _reference(columns: tuple[SheetColumn, ...], place: int) -> str:

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import re
-from array import array
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Final, NamedTuple, overload
+
+import numpy as np
+import numpy.typing as npt
+
+from heatertune.log.sheet import TextParts
 
 __all__ = ["LINE_STAMP", "BinaryFormat", "FormatTable", "Line", "NumberedLines", "TextFormat", "line_stamp", "matching"]
 
@@ -22,30 +26,26 @@ _STAMP_WITHIN: Final = 80
 
 
 class NumberedLines(Sequence[Line]):
-    """Lines of a file with their numbers; a pair for each would take three times the memory."""
+    """Lines of a file with their numbers; a pair for each would take ten times the memory.
 
-    def __init__(self) -> None:
-        self.numbers = array("q")
-        self.texts: list[str] = []
+    Args:
+        numbers: of the lines, shape (n,).
+        texts: their content.
+    """
 
-    def append(self, number: int, text: str) -> None:
-        """Add a line."""
-        self.numbers.append(number)
-        self.texts.append(text)
+    def __init__(self, numbers: npt.NDArray[np.int64], texts: TextParts) -> None:
+        self.numbers, self.texts = numbers, texts
 
     def where(self, holds: Callable[[str], bool]) -> NumberedLines:
         """Return the lines whose text fulfils a condition."""
-        kept = NumberedLines()
-        for number, text in self:
-            if holds(text):
-                kept.append(number, text)
-        return kept
+        kept = np.fromiter(map(holds, self.texts), dtype=np.bool_, count=len(self))
+        return self if kept.all() else NumberedLines(self.numbers[kept], self.texts.taken(kept))
 
     def __len__(self) -> int:
         return len(self.texts)
 
     def __iter__(self) -> Iterator[Line]:
-        return zip(self.numbers, self.texts, strict=True)
+        return zip(map(int, self.numbers), self.texts, strict=True)
 
     @overload
     def __getitem__(self, place: int) -> Line: ...
@@ -55,8 +55,8 @@ class NumberedLines(Sequence[Line]):
 
     def __getitem__(self, place: int | slice) -> Line | list[Line]:
         if isinstance(place, slice):
-            return list(zip(self.numbers[place], self.texts[place], strict=True))
-        return self.numbers[place], self.texts[place]
+            return list(zip(self.numbers[place].tolist(), self.texts[place], strict=True))
+        return int(self.numbers[place]), self.texts[place]
 
 
 class FormatTable(NamedTuple):

@@ -277,9 +277,20 @@ def _disturbed(log: Log, problem: PowerProblem, fit: PowerFit) -> list[str]:
         notes.append(
             f"At {instant:.4g} s an unlogged load, or a change of the heater, begins that "
             f"{'warms' if size > 0 else 'cools'} {log.name} by {abs(size):.2g} °C in the long run; it was fitted "
-            "together with the power."
+            f"together with the power{_cut(log, fit.model, float(instant))}."
         )
     return notes
+
+
+def _cut(log: Log, model: HeaterModel | None, instant_s: float) -> str:
+    """Return the option that leaves out a load, for a message, if enough of the log is before it to be fitted."""
+    if log.power_pct is None or model is None or not np.any(moves := np.diff(log.power_pct) != 0.0):
+        return ""
+    least_s = log.time_s[1:][moves][0] + model.dead_time_s + _CUT_TIMES * sum(model.lags_s)
+    return f" (if that is another heater: --until {math.floor(instant_s)} leaves it out)" if instant_s > least_s else ""
+
+
+_CUT_TIMES: Final = 3.0  # time constants after the first step of the power
 
 
 def limit_notes(

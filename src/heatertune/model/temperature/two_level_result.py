@@ -226,7 +226,9 @@ def _notes(fit: TwoLevelFit, dead: _DeadTimes) -> Iterator[str]:
     yield (f"The power was not logged; {log.name} is two-level control: {count} switchings between full power and none "
            "were fitted together with the heater.")
     if fit.thermostat is None:
-        yield (f"The thresholds are not known, so the dead time may be {dead.low:.3g} to {dead.high:.3g} s; "
+        found = _controller(best, fit)
+        within = f"; they lie within {found['lowest_degC']:.1f} to {found['highest_degC']:.1f} °C" if found else ""
+        yield (f"The thresholds are not known{within}, so the dead time may be {dead.low:.3g} to {dead.high:.3g} s; "
                "if you know at which temperatures the thermostat switches, state them: --thermostat LOW HIGH, with "
                "its minimum on and off times if it has any.")
     else:
