@@ -403,8 +403,8 @@ class Conditions:
     def __post_init__(self) -> None:
         validate_options(self)
         if isinstance(self.setpoint_degC, tuple):
-            low, high = self.setpoint_degC
-            if not low < high:
+            low, high = (*self.setpoint_degC, math.nan)[:2]
+            if len(self.setpoint_degC) != 2 or not low < high:
                 raise OutOfRange("setpoint_degC", list(self.setpoint_degC), "the lowest first, then the highest")
 
     def farthest_degC(self, *, cooler: bool) -> float | None:

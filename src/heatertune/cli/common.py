@@ -14,7 +14,7 @@ from heatertune import options, plc
 from heatertune.cli.command_table import FIRST_OPTIONS, current_options
 from heatertune.codec import peek_schema
 from heatertune.errors import InputError, UnknownName, did_you_mean
-from heatertune.plc.targets import COOLING, FAITHFUL, NAMES
+from heatertune.plc.targets import COOLING, FAITHFUL, NAMES, target_named
 from heatertune.settings import (
     Conditions,
     FitSettings,
@@ -270,7 +270,7 @@ def add_proof_options(command: argparse.ArgumentParser, *, target: str | None = 
     group = command.add_argument_group("target")
     default = "" if target is None else f" (default: {target})"
     group.add_argument("--target", required=needed and target is None, default=target, metavar="NAME",
-                       type=options.one_of(NAMES),
+                       type=target_named,
                        help=f"the controller (see: heatertune targets): {', '.join(NAMES)}{default}")
     group.add_argument("--as-printed", action="store_true",
                        help="the program exactly as its source prints it, with its faults (s7-200)")

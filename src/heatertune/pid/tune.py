@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING
 
 from heatertune.errors import InputError, UnknownName
 from heatertune.model.cooler_mirror import cools, mirror_heater
@@ -23,6 +23,11 @@ from heatertune.pid.values import PidDesign, Promise, Timer
 from heatertune.settings import STEP_POWER_PCT, TuneSettings
 from heatertune.units import check, written
 
+if TYPE_CHECKING:
+    from typing import Unpack
+
+    from heatertune.keywords import TuneOptions
+
 __all__ = ["METHODS", "STRUCTURES", "assessed_sampled", "settle", "tune"]
 
 STRUCTURES = options_of(TuneSettings)["structure"].choices
@@ -38,7 +43,8 @@ _WHOLE = 1e-9  # of a timer's step: rounding
 def tune(
     fitted: FittedModel, settings: TuneSettings | None = None, *, timer: Timer | None = None,
     derivative_filter: float = 0.5, resolution_degC: float = 0.0,
-    most_gain: Callable[[PidDesign], float] | None = None, progress: Callable[[str], object] = str, **changed: Any,
+    most_gain: Callable[[PidDesign], float] | None = None, progress: Callable[[str], object] = str,
+    **changed: Unpack[TuneOptions],
 ) -> PidDesign:
     """Find K, TN, TV and TA for a heater and all its candidate models.
 
