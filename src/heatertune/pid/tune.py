@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from heatertune.keywords import TuneOptions
 
-__all__ = ["METHODS", "STRUCTURES", "assessed_sampled", "settle", "tune"]
+__all__ = ["METHODS", "STRUCTURES", "assessed_sampled", "settle", "stated_problem", "tune"]
 
 STRUCTURES = options_of(TuneSettings)["structure"].choices
 METHODS = ("optimum", *RULES)
@@ -77,11 +77,8 @@ def tune(
     method, structure, robust, closed_loop_s = asked.method, asked.structure, asked.robust, asked.closed_loop_s
     _refuse_nonsense(asked)
     plants, sample_time_s = fitted.plants, asked.sample_time_s
-    specs = Specs(ms=asked.ms, mt=asked.mt, mks=asked.mks, objective=asked.objective, weight=asked.weight)
+    specs = _specs(asked)
     specs.refuse_contradictions(plants, structure)
-    step = max(fitted.reading_step_degC, resolution_degC)
-    step_power_pct = STEP_POWER_PCT if asked.step_power_pct is None else asked.step_power_pct
-    step_power = step_power_pct / step if step > 0.0 else math.inf
     if sample_time_s == 0.0:
         return tune_continuous(
             fitted, method=method, structure=structure, specs=specs, closed_loop_s=closed_loop_s, robust=robust
@@ -89,10 +86,8 @@ def tune(
     check("derivative_filter", derivative_filter, least=0.0, most=0.99)
     if method == "optimum":
         refuse_boundless(plants, structure, asked.mks)
-    problem = Problem(
-        plants=plants, structure=structure, sample_time_s=sample_time_s or 1.0, derivative_filter=derivative_filter,
-        ms=specs.ms, mt=specs.mt, mks=specs.mks, objective=specs.objective, weight=specs.weight, step_power=step_power,
-    )
+    problem = replace(stated_problem(fitted, asked, sample_time_s or 1.0, resolution_degC=resolution_degC),
+                      derivative_filter=derivative_filter)
     if most_gain is not None:
         problem = replace(problem, most_gain=most_gain)
     one_round = (
@@ -114,6 +109,34 @@ def tune(
         design, why = _improved(problem, fitted, design, robust, progress)
         notes += [*why, *told_about_faces(fitted, design, partial(_alone, problem))]
     return _finished(design, fitted, method, specs, notes)
+
+
+def stated_problem(
+    fitted: FittedModel, settings: TuneSettings, sample_time_s: float, *, resolution_degC: float = 0.0
+) -> Problem:
+    """Return the problem of the optimum for a heater and all its candidate models.
+
+    Args:
+        fitted: model and candidates.
+        settings: objective and limits.
+        sample_time_s: TA [s].
+        resolution_degC: of the controller's reading [°C]; 0 if unknown.
+
+    Raises:
+        InputError: a continuous design, which has no sampled problem.
+    """
+    if sample_time_s == 0.0:
+        raise InputError("a continuous design has no sampled problem: leave sample_time_s = 0 out")
+    specs, step = _specs(settings), max(fitted.reading_step_degC, resolution_degC)
+    step_power_pct = STEP_POWER_PCT if settings.step_power_pct is None else settings.step_power_pct
+    return Problem(
+        plants=fitted.plants, structure=settings.structure, sample_time_s=sample_time_s, ms=specs.ms, mt=specs.mt,
+        mks=specs.mks, objective=specs.objective, weight=specs.weight,
+        step_power=step_power_pct / step if step > 0.0 else math.inf)
+
+
+def _specs(settings: TuneSettings) -> Specs:
+    return Specs(ms=settings.ms, mt=settings.mt, mks=settings.mks, objective=settings.objective, weight=settings.weight)
 
 
 def _alone(problem: Problem, plant: HeaterModel) -> tuple[PidDesign, Callable[[PidDesign], float]]:

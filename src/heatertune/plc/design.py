@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any, Final
 from heatertune import cache
 from heatertune.errors import InputError
 from heatertune.model import document as model_document
-from heatertune.model.values import FittedModel
+from heatertune.model.transfer_functions import heater_from
+from heatertune.model.values import FittedModel, Fopdt, HeaterModel, TwoLag, model_by_hand
 from heatertune.options import Keywords, merge_options, split_options, with_options
 from heatertune.pid import document as pid_document
 from heatertune.pid.values import PidDesign
@@ -22,6 +23,8 @@ from heatertune.settings import SensorSettings, TuneSettings
 if TYPE_CHECKING:
     from typing import Unpack
 
+    from control import TransferFunction
+
     from heatertune.keywords import TargetTuneOptions
 
 __all__ = ["encode", "loop_fit", "stated_scaling", "tune"]
@@ -32,7 +35,8 @@ _TOLD: Final = ("residuals", "notes", "hypotheses", "whiteness", "input_crosscor
 
 @with_options(TuneSettings, SensorSettings)
 def tune(
-    fitted: FittedModel, settings: TuneSettings | None = None, *, target: str | None = None,
+    fitted: FittedModel | HeaterModel | TransferFunction, settings: TuneSettings | None = None, *,
+    target: str | None = None,
     scaling: Scaling | None = None, progress: ProgressCallback = str, **changed: Unpack[TargetTuneOptions],
 ) -> PidDesign:
     """Find K, TN, TV and TA; with a target, TA is what its timer can do, and a reading as fine as its input's.
@@ -40,7 +44,8 @@ def tune(
     With a target the loop that is tuned is the one that a proof judges: its input module's delay is part of it.
 
     Args:
-        fitted: the heater and its candidates.
+        fitted: the heater and its candidates; or a single heater, also as a transfer function of python-control, see
+            `Fopdt.from_tf`.
         settings: what is asked for; None: the defaults.
         target: the controller; None: any.
         scaling: sensor range; None: as `range_degC` and `input` say.
@@ -54,7 +59,7 @@ def tune(
 
     named = ("settings", "target", "scaling", "progress")
     tuning, sensing = split_options(changed, TuneSettings, SensorSettings, also=named)
-    asked = merge_options(TuneSettings, settings, tuning)
+    asked, fitted = merge_options(TuneSettings, settings, tuning), _fitted_model(fitted)
     target = None if target is None else target_named(target)
     scaling = stated_scaling(target, scaling, sensing)
     held: dict[str, Any] = {}
@@ -77,6 +82,12 @@ def tune(
 
     design = cache.load_or_compute("tune", inputs, run, pid_document.from_document, progress=progress)
     return replace(design, notes=(*design.notes, *delay))
+
+
+def _fitted_model(heater: FittedModel | HeaterModel | TransferFunction) -> FittedModel:
+    if isinstance(heater, FittedModel):
+        return heater
+    return model_by_hand(heater if isinstance(heater, Fopdt | TwoLag) else heater_from(heater))
 
 
 def stated_scaling(
