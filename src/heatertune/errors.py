@@ -47,8 +47,9 @@ def closest(name: str, names: Iterable[str]) -> str | None:
     import difflib
 
     lower = {each.lower(): each for each in names}
-    near = difflib.get_close_matches(name.lower(), list(lower), n=1) if len(name) > _SHORT else []
-    return lower[near[0]] if near else None
+    begun = [each for each in lower if each.startswith(name.lower())]
+    near = begun if len(begun) == 1 else difflib.get_close_matches(name.lower(), list(lower), n=1)
+    return lower[near[0]] if near and len(name) > _SHORT else None
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

@@ -15,16 +15,17 @@ from numbers import Integral, Real
 from typing import Any, Final, TypeVar
 
 from heatertune.codec import LEFT_OUT
-from heatertune.errors import InputError, OutOfRange, UnknownName, UnknownOption
+from heatertune.errors import InputError, OutOfRange, UnknownName, UnknownOption, did_you_mean
 from heatertune.units import check
 
-__all__ = ["Keywords", "Option", "add", "merge_options", "of", "one_of", "option", "options_of", "provided_options",
-           "split_options", "validate_options", "with_options"]
+__all__ = ["Keywords", "Option", "add", "merge_options", "of", "one_of", "option", "options_of", "point_of",
+           "provided_options", "split_options", "validate_options", "with_options"]
 
 _T = TypeVar("_T")
 #: of a function, by name
 Keywords = Mapping[str, Any]
 _Verb = TypeVar("_Verb", bound=Callable[..., Any])
+_THOUSAND: Final = 3  # digits after a comma that may separate thousands
 _METAVARS: Final = {"s": "S"}
 _OPTIONS: Final[dict[type, dict[str, Option]]] = {}
 
@@ -185,11 +186,20 @@ class Option:
         if given is None or given in self.automatic:
             return None
         try:
-            return given if given in self.or_text else float(given)
+            return given if given in self.or_text else float(point_of(given))
         except ValueError as problem:
             *first, last = self._texts
             expected = ", ".join(["seconds" if self.unit == "s" else self.unit, *first])
-            raise InputError(f"{self.flag} is {given!r}; expected {expected} or {last}") from problem
+            meant = did_you_mean(given, self._texts).removeprefix(": ")
+            near = f"; {meant}" if meant else ""
+            raise InputError(f"{self.flag} is {given!r}{near}; expected {expected} or {last}") from problem
+
+
+def point_of(text: str) -> str:
+    """Return a number with a decimal comma, "53,3", with a point; 1,000 may be a thousand, and stays as it is."""
+    whole, comma, rest = text.partition(",")
+    plain = whole.lstrip("+-").isdecimal() and rest.isdecimal() and len(rest) != _THOUSAND
+    return f"{whole}.{rest}" if comma and plain else text
 
 
 def one_of(choices: Iterable[str]) -> Callable[[str], str]:

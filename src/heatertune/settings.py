@@ -201,6 +201,7 @@ class TuneSettings:
 
     def __post_init__(self) -> None:
         validate_options(self)
+        object.__setattr__(self, "method", str(self.method).lower())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

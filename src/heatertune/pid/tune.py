@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from heatertune.keywords import TuneOptions
 
-__all__ = ["METHODS", "STRUCTURES", "assessed_sampled", "settle", "stated_problem", "tune"]
+__all__ = ["METHODS", "STRUCTURES", "assessed_sampled", "refuse_contradictions", "settle", "stated_problem", "tune"]
 
 STRUCTURES = options_of(TuneSettings)["structure"].choices
 METHODS = ("optimum", *RULES)
@@ -75,7 +75,7 @@ def tune(
                       most_gain=most_gain, resolution_degC=resolution_degC, progress=progress)
         return replace(design, gain_pct_per_degC=-design.gain_pct_per_degC)
     method, structure, robust, closed_loop_s = asked.method, asked.structure, asked.robust, asked.closed_loop_s
-    _refuse_nonsense(asked)
+    refuse_contradictions(asked)
     plants, sample_time_s = fitted.plants, asked.sample_time_s
     specs = _specs(asked)
     specs.refuse_contradictions(plants, structure)
@@ -144,7 +144,13 @@ def _alone(problem: Problem, plant: HeaterModel) -> tuple[PidDesign, Callable[[P
     return search(own), own.cost
 
 
-def _refuse_nonsense(asked: TuneSettings) -> None:
+def refuse_contradictions(asked: TuneSettings) -> None:
+    """Refuse settings that contradict each other, before anything is computed.
+
+    Raises:
+        UnknownName: no such method.
+        InputError: a closed-loop time of the optimum, or a limit on drawn heaters of a rule.
+    """
     if asked.method not in METHODS:
         raise UnknownName("tuning method", asked.method, METHODS)
     if asked.closed_loop_s is not None and asked.method == "optimum":
