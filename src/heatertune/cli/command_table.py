@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BUILT_IN", "COMMAND_MODULES", "FIRST_OPTIONS", "Command", "command", "current_options", "demand_files",
-    "settings_file", "with_user_settings", "written_in",
+    "read_settings", "settings_file", "with_user_settings", "written_in",
 ]
 
 #: command, in the order of the help → its module in heatertune
@@ -177,15 +177,19 @@ def with_user_settings(words: tuple[str, ...], parser: argparse.ArgumentParser) 
     flags = {flag for action in _actions(parser, words[0]) for flag in action.option_strings}
     options = [word.partition("=")[0] for word in words if word.startswith("--")]
     added: list[str] = []
-    for key, values in _read(path).items():
+    for key, values in read_settings(path).items():
         flag = f"--{key}"
         if flag in flags and not any(len(word) > 2 and flag.startswith(word) for word in options):
             added += [flag, *values]
     return (*words, *added), f"[{path}] {' '.join(added)}" if added else ""
 
 
-def _read(path: Path) -> dict[str, list[str]]:
-    """Return the options of the file, each with its values as a command line has them."""
+def read_settings(path: Path) -> dict[str, list[str]]:
+    """Return the options of the file, each with its values as a command line has them.
+
+    Raises:
+        DocumentError: no TOML, or a key or value that no option has.
+    """
     options = {}
     for name, value in read_toml(path).items():
         key = name.replace("_", "-")
