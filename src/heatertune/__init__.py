@@ -15,7 +15,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from heatertune.lazy import lazy_attributes
-from heatertune.show import run_by, shown_by
+from heatertune.show import run_by, shown_by, stored_by
 
 __version__ = "0.12.0"
 
@@ -24,8 +24,9 @@ __all__ = [
     "Interval", "Load", "Log", "LoopLimits", "NotRepresentable", "PidDesign", "Proof", "ReadSettings", "ReadingNoise",
     "Scaling", "Scenario", "TemperatureStep", "TuneSettings", "TwoLag", "Words", "alternatives", "choose_words",
     "compare", "controller", "decode", "design", "draw_heaters", "encode", "export", "fit", "fit_known",
-    "fit_together", "fleet", "front", "iae_load", "margins", "model_by_hand", "plan", "prove", "read_log",
-    "replay_document", "sample_document", "simulate", "study", "tune", "validate", "virtual_plc", "write_report",
+    "fit_together", "fleet", "front", "iae_load", "load", "loop", "margins", "model_by_hand", "plan", "problem",
+    "prove", "read_log", "replay_document", "sample_document", "simulate", "study", "tune", "validate", "virtual_plc",
+    "write_report",
 ]
 
 if TYPE_CHECKING:
@@ -46,6 +47,8 @@ if TYPE_CHECKING:
         validate,
         write_report,
     )
+    from heatertune.chain.control_objects import loop, problem
+    from heatertune.chain.documents import load
     from heatertune.chain.facade import controller, decode, iae_load, margins, simulate
     from heatertune.errors import HeatertuneError, InputError, NotRepresentable
     from heatertune.live.serve import virtual_plc
@@ -71,6 +74,8 @@ __getattr__, __dir__ = lazy_attributes(__name__, {
     "chain": (
         "compare", "design", "encode", "export", "fit", "fit_known", "fit_together", "plan", "prove", "read_log",
         "tune", "validate", "write_report"),
+    "chain.control_objects": ("loop", "problem"),
+    "chain.documents": ("load",),
     "chain.facade": ("controller", "decode", "iae_load", "margins", "simulate"),
     "errors": ("HeatertuneError", "InputError", "NotRepresentable"),
     "live.serve": ("virtual_plc",),
@@ -93,3 +98,4 @@ __getattr__, __dir__ = lazy_attributes(__name__, {
 run_by(lambda words, switches: import_module("heatertune.plc.controller").controller_for(words.target).instantiate(
     words, switches))
 shown_by(lambda: import_module("heatertune.report.notebook"))
+stored_by(lambda: import_module("heatertune.chain.documents"))

@@ -5,6 +5,7 @@ HeatertuneError
 │   ├── LogError               a log file, with line, column and value
 │   ├── DocumentError          a JSON document of a stage
 │   ├── UnknownName            a target, rule or table that does not exist
+│   ├── UnknownOption          a keyword that a function does not have
 │   └── OutOfRange             a value outside its physical or logical range
 ├── NotRepresentable           a design the PLC's words cannot hold
 ├── ExportRefused              words whose proof failed, without --force
@@ -23,11 +24,14 @@ from typing import Final
 
 __all__ = [
     "LONGEST", "DocumentError", "ExportRefused", "HeatertuneError", "InputError", "LinkDown", "LinkError", "LogError",
-    "NotRepresentable", "OutOfRange", "PlcRefused", "ReplyLost", "UnknownName", "did_you_mean", "one_line",
+    "NotRepresentable", "OutOfRange", "PlcRefused", "ReplyLost", "UnknownName", "UnknownOption", "closest",
+    "did_you_mean", "one_line",
 ]
 
 #: characters of an error
 LONGEST: Final = 480
+#: letters up to which every name is near to some other
+_SHORT: Final = 2
 _BROKEN: Final = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff]+")
 
 
@@ -38,12 +42,20 @@ def one_line(text: str) -> str:
     return line if len(line) <= LONGEST else f"{line[:half]} … {line[-half:]}"
 
 
-def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Return ": did you mean …?" where a known name is near to one that is not; else nothing."""
+def closest(name: str, names: Iterable[str]) -> str | None:
+    """Return the one of some names that is near to another one, whatever the case; None if there is none."""
     import difflib
 
-    near = difflib.get_close_matches(name.lower(), list(known), n=1)
-    return f": did you mean {near[0]}?" if near else ""
+    lower = {each.lower(): each for each in names}
+    begun = [each for each in lower if each.startswith(name.lower())]
+    near = begun if len(begun) == 1 else difflib.get_close_matches(name.lower(), list(lower), n=1)
+    return lower[near[0]] if near and len(name) > _SHORT else None
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Return ": did you mean …?" where a known name is near to one that is not; else nothing."""
+    near = closest(name, known)
+    return "" if near is None else f": did you mean {near}?"
 
 
 class HeatertuneError(Exception):
@@ -101,10 +113,25 @@ class UnknownName(InputError):
 
     def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
         self.kind, self.name, self.known = kind, name, tuple(known)
-        super().__init__(f"unknown {kind} {name!r}; known: {', '.join(self.known)}")
+        near = closest(name, self.known)
+        meant = "" if near is None else f"; did you mean {near!r}?"
+        super().__init__(f"unknown {kind} {name!r}{meant or ';'} known: {', '.join(self.known)}")
 
     def __reduce__(self) -> tuple[object, ...]:
         return UnknownName, (self.kind, self.name, self.known)
+
+
+class UnknownOption(InputError, TypeError):
+    """Raised when a function is called with a keyword that it does not have."""
+
+    def __init__(self, name: str, names: Iterable[str], *, near: str | None = None) -> None:
+        self.name, self.known = name, tuple(names)
+        self.near = near or closest(name, self.known)
+        meant = f"did you mean {self.near!r}?" if self.near else f"known: {', '.join(self.known)}"
+        super().__init__(f"no option {name!r}; {meant}")
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return UnknownOption, (self.name, self.known)
 
 
 class OutOfRange(InputError):

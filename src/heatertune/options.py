@@ -6,6 +6,8 @@ a study and the rows of a record are read from the same declaration (`options_of
 
 from __future__ import annotations
 
+import inspect
+import textwrap
 from argparse import Namespace
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -13,13 +15,17 @@ from numbers import Integral, Real
 from typing import Any, Final, TypeVar
 
 from heatertune.codec import LEFT_OUT
-from heatertune.errors import InputError, OutOfRange, UnknownName
+from heatertune.errors import InputError, OutOfRange, UnknownName, UnknownOption, did_you_mean
 from heatertune.units import check
 
-__all__ = ["Option", "add", "merge_options", "of", "one_of", "option", "options_of", "provided_options",
-           "validate_options"]
+__all__ = ["Keywords", "Option", "add", "merge_options", "of", "one_of", "option", "options_of", "point_of",
+           "provided_options", "split_options", "validate_options", "with_options"]
 
 _T = TypeVar("_T")
+#: of a function, by name
+Keywords = Mapping[str, Any]
+_Verb = TypeVar("_Verb", bound=Callable[..., Any])
+_THOUSAND: Final = 3  # digits after a comma that may separate thousands
 _METAVARS: Final = {"s": "S"}
 _OPTIONS: Final[dict[type, dict[str, Option]]] = {}
 
@@ -89,6 +95,18 @@ class Option:
         if self.kind in (float, int) and not (isinstance(value, str) and value in self.or_text):
             for number in value if (self.several or self.pair) and isinstance(value, tuple) else (value,):
                 self._check_number(number, called)
+
+    def spelled(self, value: Any) -> Any:
+        """Return a value of Python as the command line would hold it: "PI" is pi, "auto" no number, a list a tuple."""
+        if isinstance(value, str):
+            return self._spelled_text(value)
+        several = self.kind is tuple or ((self.pair or self.several) and isinstance(value, list) and len(value) > 1)
+        return tuple(value) if several and isinstance(value, list) else value
+
+    def _spelled_text(self, text: str) -> Any:
+        if text in self.automatic[:1]:
+            return None
+        return (text,) if self.kind is tuple else one_of((*self.choices, *self.or_text))(text)
 
     def plain(self, value: Any) -> Any:
         """Return a checked value with whole numbers as a `float` where it is one, and NumPy's as Python's own.
@@ -168,11 +186,20 @@ class Option:
         if given is None or given in self.automatic:
             return None
         try:
-            return given if given in self.or_text else float(given)
+            return given if given in self.or_text else float(point_of(given))
         except ValueError as problem:
             *first, last = self._texts
             expected = ", ".join(["seconds" if self.unit == "s" else self.unit, *first])
-            raise InputError(f"{self.flag} is {given!r}; expected {expected} or {last}") from problem
+            meant = did_you_mean(given, self._texts).removeprefix(": ")
+            near = f"; {meant}" if meant else ""
+            raise InputError(f"{self.flag} is {given!r}{near}; expected {expected} or {last}") from problem
+
+
+def point_of(text: str) -> str:
+    """Return a number with a decimal comma, "53,3", with a point; 1,000 may be a thousand, and stays as it is."""
+    whole, comma, rest = text.partition(",")
+    plain = whole.lstrip("+-").isdecimal() and rest.isdecimal() and len(rest) != _THOUSAND
+    return f"{whole}.{rest}" if comma and plain else text
 
 
 def one_of(choices: Iterable[str]) -> Callable[[str], str]:
@@ -214,8 +241,9 @@ def validate_options(settings: Any) -> None:
     """
     options = options_of(type(settings))
     for name, one in options.items():
-        one.check(getattr(settings, name), name)
-        object.__setattr__(settings, name, one.plain(getattr(settings, name)))
+        value = one.spelled(getattr(settings, name))
+        one.check(value, name)
+        object.__setattr__(settings, name, one.plain(value))
     _demand_needed(options, {name: getattr(settings, name) for name in options}, "name")
 
 
@@ -228,10 +256,79 @@ def _demand_needed(options: Mapping[str, Option], values: Mapping[str, Any], cal
             raise InputError(f"{listed} need {getattr(options[needed], called)}")
 
 
-def merge_options(kind: type[_T], settings: _T | None, changed: dict[str, Any]) -> _T:
-    """Return settings (None: the defaults) with some of them changed; errors as `checked`."""
+def merge_options(kind: type[_T], settings: _T | None, changed: Keywords, *, also: Iterable[str] = ()) -> _T:
+    """Return settings (None: the defaults) with some of them changed.
+
+    Args:
+        kind: the dataclass of options.
+        settings: None: the defaults.
+        changed: field → value.
+        also: other keywords of the function that was called, for the suggestion in an error.
+
+    Raises:
+        UnknownOption: no such field.
+        InputError: as `validate_options`.
+    """
+    _demand_options(changed, kind, also=also)
     given: Any = kind() if settings is None else settings
-    return kind(**{name: getattr(given, name) for name in options_of(kind)} | changed)
+    return kind(**{name: getattr(given, name) for name in options_of(kind)} | dict(changed))
+
+
+def _demand_options(keywords: Iterable[str], *kinds: type, also: Iterable[str] = ()) -> None:
+    """Refuse keywords that no dataclass of options has.
+
+    Args:
+        keywords: their names.
+        kinds: the dataclasses.
+        also: other keywords of the function that was called.
+
+    Raises:
+        UnknownOption: the first of them; its text names the closest option, also by its flag's name.
+    """
+    known = {name: one.dest for kind in kinds for name, one in options_of(kind).items()}
+    for name in keywords:
+        if name not in known:
+            flagged = next((each for each, dest in known.items() if dest == name), None)
+            raise UnknownOption(name, (*known, *also), near=flagged)
+
+
+def split_options(keywords: Keywords, *kinds: type, also: Iterable[str] = ()) -> list[Keywords]:
+    """Return the keywords of each dataclass of options; UnknownOption as `merge_options`."""
+    _demand_options(keywords, *kinds, also=also)
+    return [{name: value for name, value in keywords.items() if name in options_of(kind)} for kind in kinds]
+
+
+def with_options(*kinds: type, own: Keywords | None = None) -> Callable[[_Verb], _Verb]:
+    """Return a decorator that lists options in the signature and the help of a function with `**changed`.
+
+    An editor and mypy read them from `heatertune.keywords`; `help` and notebooks read what is set here.
+
+    Args:
+        kinds: the dataclasses of options.
+        own: further keywords → default.
+    """
+    def decorate(verb: _Verb) -> _Verb:
+        signature = inspect.signature(verb)
+        named = [each for each in signature.parameters.values() if each.kind is not inspect.Parameter.VAR_KEYWORD]
+        options = {name: one for kind in kinds for name, one in options_of(kind).items()
+                   if name not in signature.parameters}
+        defaults = {**(own or {}), **{name: one.default for name, one in options.items()}}
+        keywords = [inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default)
+                    for name, default in defaults.items()]
+        lines = "\n".join(_described(one) for one in options.values())
+        verb.__doc__ = f"{inspect.getdoc(verb)}\n\nOptions:\n{lines}"
+        verb.__signature__ = signature.replace(parameters=[*named, *keywords])  # type: ignore[attr-defined]  # inspect reads it
+        return verb
+
+    return decorate
+
+
+def _described(entry: Option) -> str:
+    """Return an option as an entry of a docstring: its meaning, unit, choices and default."""
+    choices = f": {', '.join(entry.choices)}" if entry.choices else ""
+    default = entry.instead[0] or ("" if entry.default in (None, (), {}, False) else f"{entry.default}")
+    text = f"{entry.name}: {entry.quantity_with_unit}{choices}{f' (default: {default})' if default else ''}"
+    return textwrap.fill(text, 110, initial_indent="    ", subsequent_indent="        ")
 
 
 def add(group: Any, kind: type, *names: str, but: Sequence[str] = (), **changed: Any) -> None:

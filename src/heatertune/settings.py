@@ -201,6 +201,7 @@ class TuneSettings:
 
     def __post_init__(self) -> None:
         validate_options(self)
+        object.__setattr__(self, "method", str(self.method).lower())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -403,8 +404,8 @@ class Conditions:
     def __post_init__(self) -> None:
         validate_options(self)
         if isinstance(self.setpoint_degC, tuple):
-            low, high = self.setpoint_degC
-            if not low < high:
+            low, high = (*self.setpoint_degC, math.nan)[:2]
+            if len(self.setpoint_degC) != 2 or not low < high:
                 raise OutOfRange("setpoint_degC", list(self.setpoint_degC), "the lowest first, then the highest")
 
     def farthest_degC(self, *, cooler: bool) -> float | None:

@@ -1,18 +1,24 @@
-"""Display of values in notebooks (IPython's protocol: Jupyter, VS Code, marimo), and the hook that runs words.
+"""Display of values in notebooks (IPython's protocol: Jupyter, VS Code, marimo), their files, and how words are run.
 
-The values of the chain inherit `NotebookDisplay`. Pictures and sentences belong to the report, the last stage, and
-words do not import controllers; the package sets both as hooks, so that no stage imports a later one.
+The values of the chain inherit `NotebookDisplay`. Pictures, sentences and documents belong to later stages, and words
+do not import controllers; the package sets them as hooks, so that no stage imports a later one.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Protocol
+
+from heatertune.codec import to_json
+from heatertune.errors import InputError
+from heatertune.writing import write_files
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from pandas import DataFrame
 
-__all__ = ["Artist", "NotebookDisplay", "run_by", "runner", "shown_by"]
+__all__ = ["Archive", "Artist", "NotebookDisplay", "run_by", "runner", "shown_by", "stored_by"]
 
 
 #: (words, switch → setting) → the running controller
@@ -40,8 +46,18 @@ class Artist(Protocol):
     def plot(self, value: object, ax: Axes | None, /) -> Axes:
         """Draw a value and return the axes."""
 
-    def summary(self, value: object, /) -> str:
+    def summary(self, value: object, /, *, verbose: bool) -> str:
         """Return a value as lines of text."""
+
+
+class Archive(Protocol):
+    """Who turns values into documents and tables."""
+
+    def to_dict(self, value: object, /) -> dict[str, Any]:
+        """Return a value as a JSON document."""
+
+    def rows(self, value: object, /) -> list[dict[str, Any]]:
+        """Return a value as the rows of a table."""
 
 
 class NotebookDisplay:
@@ -60,9 +76,41 @@ class NotebookDisplay:
         """
         return _artist().plot(self, ax)
 
-    def summary(self) -> str:
-        """Return what the command line prints of the value: numbers with their units, and what there is to know."""
-        return _artist().summary(self)
+    def summary(self, *, verbose: bool = False) -> str:
+        """Return what the command line prints of the value on one screen, the point first; `verbose`: all of it."""
+        return _artist().summary(self, verbose=verbose)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the value as the JSON document that `save` writes.
+
+        Raises:
+            InputError: a trace, which has none.
+        """
+        return _archives[-1]().to_dict(self)
+
+    def save(self, path: str | Path) -> Path:
+        """Write the value to a JSON file, which `heatertune.load` and the commands read; return its path.
+
+        Raises:
+            InputError: a name that does not end in .json, a file that cannot be written, a trace.
+        """
+        file = Path(path)
+        if file.suffix.lower() != ".json":
+            raise InputError(f"{file}: expected a name that ends in .json")
+        write_files(file.parent, {file.name: to_json(self.to_dict())})
+        return file
+
+    def to_frame(self) -> DataFrame:
+        """Return the value as a table of pandas: parameters, criteria, or readings, a row each.
+
+        Raises:
+            InputError: pandas is not installed; a value without such a table.
+        """
+        try:
+            from pandas import DataFrame
+        except ImportError as problem:
+            raise InputError("a table needs pandas: pip install 'heatertune[notebook]'") from problem
+        return DataFrame(_archives[-1]().rows(self))
 
     def _repr_html_(self) -> str:
         """Return the value as HTML, picture included; nothing in it is fetched from anywhere."""
@@ -74,6 +122,14 @@ _artists: list[Callable[[], Artist]] = []
 
 def _artist() -> Artist:
     return _artists[-1]()
+
+
+_archives: list[Callable[[], Archive]] = []
+
+
+def stored_by(archive: Callable[[], Archive]) -> None:
+    """Let values be saved by what a function returns; it is asked when a value is to be saved, not before."""
+    _archives.append(archive)
 
 
 def shown_by(artist: Callable[[], Artist]) -> None:

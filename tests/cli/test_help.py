@@ -63,9 +63,9 @@ def test_all_options_stand_in_the_second_layer(name, run, capsys):
 @pytest.mark.parametrize(("arguments", "error"), [
     ("design table4 --taget weg -o out", "unknown option --taget: did you mean --target? (see: heatertune design --help-all)"),
     ("design table4 --mins 5", "unknown option --mins: did you mean --mains? (see: heatertune design --help-all)"),
-    ("design table4 --target weg", "the following arguments are required: -o/--out (see: heatertune design --help)"),
-    ("design table4 --ms x", "argument --ms: invalid float value: 'x' (see: heatertune design --help)"),
-    ("design table4 --jitter x", "argument --jitter: invalid float value: 'x' (see: heatertune design --help-all)"),
+    ("design table4", "the following arguments are required: --target (see: heatertune design --help)"),
+    ("design table4 --ms x", "argument --ms: 'x' is not a number (see: heatertune design --help)"),
+    ("design table4 --jitter x", "argument --jitter: 'x' is not a number (see: heatertune design --help-all)"),
     ("terms --xyz", "unknown option --xyz (see: heatertune terms --help)"),
 ])
 def test_an_error_of_an_option_leads_to_the_help_that_shows_it(arguments, error, run, capsys):

@@ -65,7 +65,7 @@ def test_cases_are_every_combination_then_the_listed_ones(study):
     ("", "no cases; expected [grid] with lists, or [[case]]"),
     (HAND, "no cases; expected [grid] with lists, or [[case]]"),
     ("[sweep]\nms = [1.4]\n", "unknown part 'sweep'; known: fixed, grid, case"),
-    (HAND + "[grid]\ntargt = ['weg']\n", "[grid]: unknown key 'targt'; known: log, model, gain_degC_per_pct"),
+    (HAND + "[grid]\ntargt = ['weg']\n", "[grid]: unknown key 'targt'; did you mean 'target'? known: log, model, gain_degC_per_pct"),
     (HAND + "Ms = 2\n[grid]\ntarget = ['weg']\n", "[fixed]: unknown key 'Ms'; known: log, model"),
     (HAND + "[grid]\ntarget = ['s5']\n", "[grid]: unknown target 's5'; known: s5-ob251, s7-200"),
     (HAND + "[grid]\ntarget = ['weg']\nms = []\n", "[grid]: ms is []; expected a list of at least one setting"),

@@ -30,7 +30,8 @@ OTHERS = {
     ("compiled.dispatch", "compiled.numba_compiler"): "it loads Numba, which machine code on disk does not need",
     ("live.serve", "live.as511_server"): "only the protocol that is served is loaded",
     ("live.controller_block", "proof.words_file"): "a file that says where the signals are needs no proof's code",
-    ("pid.search.robust", "pid.continuous_optimum"): "the import at the top would close a circle",
+    **dict.fromkeys((("pid.search.robust", "pid.continuous_optimum"), ("model.values", "model.transfer_functions")),
+                    "the import at the top would close a circle"),
     **dict.fromkeys((("proof.difference", "proof.repetition"), ("proof.repetition", "proof.refine"), ("proof.repetition", "proof.monte_carlo.run"),
                      ("proof.runs", "proof.lanes.choice")), "few commands need the many loops behind it"),
 }

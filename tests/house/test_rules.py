@@ -20,7 +20,7 @@ NAMING_EXTRAS = {
     "__init__.py": "the Python package offers fleet, study and virtual_plc",
 }
 STAGES = ("heater", "log", "model", "pid", "plc", "proof", "report")
-FREE = ("arrays", "units", "terms", "errors", "options", "settings", "codec", "writing", "cache", "compiled", "lazy", "show",
+FREE = ("arrays", "units", "terms", "errors", "options", "keywords", "settings", "codec", "writing", "cache", "compiled", "lazy", "show",
         "commissioned", "processors")
 MODULES = sorted(SOURCE.rglob("*.py"))
 

@@ -99,7 +99,7 @@ def add_fleet(commands: Any) -> None:
         "fleet", help="many logs → one table: each fitted, tuned, rounded and proven", epilog=FLEET_EXAMPLE,
         description="Run the chain on the log of every zone of a plant and write one row per log. A log that cannot be "
                     "read, fitted or proven gets a row with the reason. Exits 0 once the table is written, whatever "
-                    "its verdicts.",
+                    "its verdicts, and 2 if no log can be read.",
     )
     command.add_argument("logs", metavar="LOGS", help="a folder, a quoted pattern, or a list of paths")
     add_table_options(command)
@@ -120,6 +120,8 @@ def _run_fleet(settings: argparse.Namespace) -> int:
     document = fleet(settings.logs, zones, out=settings.out, workers=workers(settings), resume=settings.resume,
                      progress=Bar(settings, "zones"))
     printing.output(settings, document, lambda: report.outcome_lines(document))
+    if set(document["outcomes"]) == {"no log"}:
+        raise InputError(f"{settings.logs}: no log that can be read; {document['table']} has the reason of each")
     return 0
 
 

@@ -3,23 +3,42 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from heatertune.codec import Document, construct_from, data_folder, decode, encode, plain, read_document, schema_of
-from heatertune.errors import DocumentError
-from heatertune.log.values import Log
+import numpy as np
+
+from heatertune.codec import (
+    Document,
+    construct_from,
+    data_folder,
+    decode,
+    encode,
+    peek_schema,
+    plain,
+    read_document,
+    register_schema,
+    schema_of,
+)
+from heatertune.errors import DocumentError, InputError
+from heatertune.log.values import Log, ReadSummary
+from heatertune.model import document as model_document
 from heatertune.model.document import ModelView
+from heatertune.model.statistics import Interval
+from heatertune.model.values import FittedModel
 from heatertune.pid import document as pid_document
 from heatertune.pid.document import PidView
-from heatertune.plc import Words, controller_for
+from heatertune.pid.values import PidDesign
+from heatertune.plc import Scaling, Words, controller_for
+from heatertune.plc.ramp import Boost, Ramp
 from heatertune.proof import Proof
 from heatertune.proof.document import ComparisonView, LogView, PicturesView, ProofView, TakenView, check_document
 from heatertune.proof.repetition import demand_consistent
-from heatertune.proof.verdict import FIRST, verdict_first
-from heatertune.proof.words_file import FieldView, WholeWordsView, demand_same_words
+from heatertune.proof.verdict import FIRST, PROOF_SCHEMA, verdict_first
+from heatertune.proof.words_file import WORDS_SCHEMA, FieldView, WholeWordsView, demand_same_words, words_of
 
-__all__ = ["log_document", "read_documents", "without_curves", "words_document"]
+__all__ = ["load", "log_document", "read_documents", "rows", "to_dict", "without_curves", "words_document"]
 
 _VIEWS: Final[Mapping[str, type]] = {
     "log": LogView, "model": ModelView, "pid": PidView, "words": WholeWordsView, "proof": ProofView,
@@ -32,6 +51,167 @@ def log_document(log: Log) -> dict[str, Any]:
     taken = None if log.taken is None else decode(TakenView, plain(log.taken.document()), log.name)
     document: dict[str, Any] = encode(construct_from(LogView, log, taken=taken))
     return document
+
+
+Numbers = tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SummaryValues:
+    """The fields of `ReadSummary` as JSON holds them."""
+
+    file: str
+    rows: int
+    interval_s: float
+    columns: Mapping[str, tuple[str, str]]
+    rows_read: int
+    left_out: int
+    repeats: int
+    repaired: int
+    unused: tuple[str, ...]
+    reading: Mapping[str, str | float | bool | tuple[float, ...] | None]
+    assumed: Mapping[str, str]
+    stated: tuple[str, ...]
+
+
+@register_schema("heatertune/log-values/1")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LogValues:
+    """The fields of `Log` as JSON holds them, all of them: a fit of what is loaded is that of what was saved."""
+
+    name: str
+    source: str
+    time_s: Numbers
+    temperature_degC: Numbers
+    power_pct: Numbers | None
+    setpoint_degC: Numbers | None
+    disturbance: Numbers | None
+    cooling_pct: Numbers | None
+    ambient_degC: Numbers | None
+    repairs: tuple[str, ...]
+    warnings: tuple[str, ...]
+    same_heater: tuple[str, ...]
+    taken: SummaryValues | None
+    rests_at_degC: float | None
+    pwm_period_s: float
+    power_late_s: float
+    cooling_gain: float
+
+    @classmethod
+    def from_log(cls, log: Log) -> LogValues:
+        """Return the fields of a log."""
+        given: dict[str, Any] = {name: None if (column := getattr(log, name)) is None else tuple(column.tolist())
+                                 for name in _COLUMNS}
+        summary = None if log.taken is None else construct_from(
+            SummaryValues, log.taken, stated=tuple(sorted(log.taken.stated)))
+        return construct_from(cls, log, **given, taken=summary)
+
+    @property
+    def log(self) -> Log:
+        """The log of these fields."""
+        given: dict[str, Any] = {name: None if (column := getattr(self, name)) is None else np.asarray(column)
+                                 for name in _COLUMNS}
+        summary = None if self.taken is None else construct_from(
+            ReadSummary, self.taken, stated=frozenset(self.taken.stated))
+        return construct_from(Log, self, **given, taken=summary)
+
+
+#: those of `Log` with a value for each reading
+_COLUMNS: Final = ("time_s", "temperature_degC", "power_pct", "setpoint_degC", "disturbance", "cooling_pct",
+                   "ambient_degC")
+
+
+def to_dict(value: object) -> dict[str, Any]:
+    """Return a log, model, design, parameters or proof as the JSON document that `load` takes.
+
+    Raises:
+        InputError: another value.
+    """
+    match value:
+        case Log():
+            document: dict[str, Any] = encode(LogValues.from_log(value))
+        case FittedModel():
+            document = model_document.to_document(value)
+        case PidDesign():
+            document = pid_document.to_document(value)
+        case Words():
+            document = {"schema": WORDS_SCHEMA, **encode(construct_from(
+                WordsValues, value, words=value.values, setpoint_ramp=value.ramp))}
+        case Proof():
+            document = value.to_document()
+        case _:
+            raise InputError(f"no document of a {type(value).__name__}; there is one of a log, a model, a design, "
+                             "parameters and a proof")
+    return document
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WordsValues:
+    """The fields of `Words` as `heatertune.proof.words_file` reads them."""
+
+    target: str
+    words: Mapping[str, float]
+    scaling: Scaling
+    sample_time_s: float
+    setpoint_ramp: Ramp | None
+    boost: Boost | None
+
+
+def load(path: str | Path) -> Log | FittedModel | PidDesign | Words | ProofView:
+    """Return the value of a JSON file: of `save`, or of a command.
+
+    A log.json of `design` has not all of a log; read the log's own file. A proof is returned as its document, with
+    `verdict`, `criteria` and `runs`; its traces are not saved.
+
+    Args:
+        path: model.json, pid.json, words.json, proof.json, or a log that `save` wrote.
+
+    Raises:
+        DocumentError: the file cannot be read, or holds another document, or a damaged one.
+        OutOfRange: parameters that their controller does not allow.
+    """
+    schema = peek_schema(path)
+    if schema == schema_of(LogValues):
+        return decode(LogValues, read_document(path, str(schema)), path).log
+    if schema == model_document.SCHEMA:
+        return model_document.read_model(path)
+    if schema == pid_document.SCHEMA:
+        return pid_document.read_design(path)[0]
+    if schema == WORDS_SCHEMA:
+        document = read_document(path, WORDS_SCHEMA)
+        return words_of(document, str(document.get("target")), path)
+    if schema == PROOF_SCHEMA:
+        return decode(ProofView, check_document(read_document(path, PROOF_SCHEMA), path), path)
+    raise DocumentError(f"{path}: {schema or 'no document of heatertune'}; expected a model.json, pid.json, words.json "
+                        "or proof.json, or a log that was saved (read_log reads a log's file)")
+
+
+def rows(value: object) -> list[dict[str, Any]]:
+    """Return a value as the rows of a table: parameters with their intervals, criteria, or parameters to enter.
+
+    Raises:
+        InputError: a value without such a table.
+    """
+    match value:
+        case FittedModel():
+            return [{"parameter": name, "value": getattr(value.model, name), "low": None if ci95 is None else ci95.low,
+                     "high": None if ci95 is None else ci95.high} for name, ci95 in _intervals(value)]
+        case PidDesign():
+            return [{name: part for name, part in to_dict(value).items() if not isinstance(part, list | dict)}]
+        case Words():
+            its = controller_for(value.target).fields
+            return [{"parameter": each.name, "address": each.address, "value": value.values[each.name],
+                     "format": each.format, "low": each.low, "high": each.high, "meaning": each.comment}
+                    for each in its]
+        case Proof():
+            return [{"criterion": each.name, "worst": each.value, "limit": each.limit, "unit": each.unit, "ok": each.ok,
+                     "run": each.where} for each in value.criteria]
+    raise InputError(f"no table of a {type(value).__name__}")
+
+
+def _intervals(fitted: FittedModel) -> list[tuple[str, Interval | None]]:
+    names = ("gain_degC_per_pct", "time_constant_s", "dead_time_s", "ambient_degC")
+    return [(name, fitted.ci95.get(name)) for name in names]
 
 
 def words_document(

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from heatertune.cache import load_or_compute
 from heatertune.errors import InputError
@@ -19,6 +19,7 @@ from heatertune.model.power.known_controller import replay_controller
 from heatertune.model.validate import Verdict
 from heatertune.model.validate import validate as judge
 from heatertune.model.values import FittedModel, HeaterModel
+from heatertune.options import with_options
 from heatertune.pid import sampled_loop as robustness
 from heatertune.pid.sampled_loop import iae_load as load_iae
 from heatertune.pid.values import Margins, PidDesign
@@ -32,6 +33,11 @@ from heatertune.proof.known_controller_check import controllers
 from heatertune.proof.prove_words import actuator_for, course_for
 from heatertune.proof.scenario import delay_heater
 from heatertune.settings import Conditions, ValidateSettings
+
+if TYPE_CHECKING:
+    from typing import Unpack
+
+    from heatertune.keywords import ValidateOptions
 
 __all__ = ["controller", "decode", "iae_load", "margins", "plan", "simulate", "validate"]
 
@@ -76,9 +82,10 @@ def plan(
     return load_or_compute("plan", inputs, run, dict, progress=progress)
 
 
+@with_options(ValidateSettings)
 def validate(
     fitted: FittedModel, log: Log, settings: ValidateSettings | None = None, *, words: Words | None = None,
-    setpoint_degC: float | None = None, known: Mapping[str, str] | None = None, **changed: Any,
+    setpoint_degC: float | None = None, known: Mapping[str, str] | None = None, **changed: Unpack[ValidateOptions],
 ) -> Verdict:
     """Validate a model on another log of its heater; arguments and errors as `heatertune.model.validate.validate`.
 

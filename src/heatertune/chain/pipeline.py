@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from heatertune import cache
 from heatertune.chain.documents import log_document, read_documents, words_document
@@ -25,13 +25,14 @@ from heatertune.model import document as model_document
 from heatertune.model.disturbance import DisturbanceEffect
 from heatertune.model.document import from_document, read_model
 from heatertune.model.values import FittedModel
-from heatertune.options import merge_options
+from heatertune.options import Keywords, merge_options, split_options, with_options
 from heatertune.pid import document as pid_document
 from heatertune.pid.document import DesignProvenance
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Words, controller_for
-from heatertune.plc.design import loop_fit
+from heatertune.plc.design import loop_fit, stated_scaling
 from heatertune.plc.feed_forward import feed_forward as line_for
+from heatertune.plc.targets import TARGETS, target_named
 from heatertune.plc.word_selection import search_document
 from heatertune.processors import ProgressCallback
 from heatertune.proof import Proof
@@ -47,8 +48,22 @@ from heatertune.proof.redesign.on_samples import closed_on_samples
 from heatertune.proof.text_comparison import as_exported
 from heatertune.proof.verdict import PROOF_SCHEMA
 from heatertune.proof.words_file import WORDS_SCHEMA, certificate, demand_same_words, read_words, words_of
-from heatertune.settings import FeedForwardSettings, FitSettings, ReadSettings
+from heatertune.settings import (
+    Conditions,
+    FeedForwardSettings,
+    FitSettings,
+    ReadSettings,
+    SampleSettings,
+    SensorSettings,
+    TuneSettings,
+    WordSettings,
+)
 from heatertune.writing import write_files
+
+if TYPE_CHECKING:
+    from typing import Unpack
+
+    from heatertune.keywords import DesignOptions
 
 __all__ = [
     "TYPICAL_S", "ChainResult", "FedForward", "as_left_in", "design", "dossier", "feed_forward", "files_of", "redraw",
@@ -184,6 +199,8 @@ def _words(folder: Path, target: str) -> Words:
 _STAGES: Final = {
     "fit": ("finding the heater", 8.0), "design": ("tuning", 1.5), "words": ("finding the words", 2.0),
     "proof": ("proving them", 4.0), "report": ("comparing with other designs, drawing the report", 5.0)}
+#: keywords of `design` that are no options of a stage → default
+_OWN: Final = {"target": None, "interval_by_words": False, "sample_settings": None}
 TYPICAL_S: Final = tuple(seconds for _, seconds in _STAGES.values())
 
 
@@ -210,10 +227,11 @@ def _told(stage: str) -> str:
     return f"{_STAGES[stage][0]} ({list(_STAGES).index(stage) + 1} of {len(_STAGES)})"
 
 
+@with_options(TuneSettings, SensorSettings, WordSettings, Conditions, own=_OWN)
 def design(
-    source: str | Path | Log, request: DesignRequest, *, out: str | Path, read: ReadSettings | None = None,
-    fitted_with: FitSettings | None = None, force: bool = False, progress: ProgressCallback = str,
-    begun: Worker | None = None,
+    source: str | Path | Log, request: DesignRequest | None = None, *, out: str | Path | None = None,
+    read: ReadSettings | None = None, fitted_with: FitSettings | None = None, force: bool = False,
+    progress: ProgressCallback = str, begun: Worker | None = None, **changed: Unpack[DesignOptions],
 ) -> ChainResult:
     """Run the whole chain, write every stage's document, the export files and the report.
 
@@ -221,17 +239,20 @@ def design(
 
     Args:
         source: file of a log, "table3" / "table4", or the result of `read_log`.
-        request: for the design.
-        out: directory for the results.
+        request: for the design; None: as the options say, of which `target` is needed.
+        out: directory for the results; None: nothing is written.
         read: how the log is read; misprints of a built-in table are corrected.
         fitted_with: settings of the fit.
         force: export regardless of the verdict.
         progress: called with a short message when a stage begins.
         begun: second process that is already running; None: start it now.
+        changed: target and options of tuning, sensor, rounding and proof, where there is no request.
 
     Raises:
+        InputError: both a request and options, or neither a request nor a target.
         HeatertuneError: as the stages; no files are written in this case.
     """
+    request = _requested(request, changed)
     controller_for(request.target)  # an unknown target is refused before the long part
     with work_alongside(request.target) if begun is None else nullcontext(begun) as second:
         log = source if isinstance(source, Log) else read_log(source, read, errata=True)
@@ -246,8 +267,34 @@ def design(
         if result.proof.diagnostics != found.proof.diagnostics:
             files, documents = _shown(log, fitted, result, force, second)
         documents = _with_comparison(documents, log, fitted, result.ideal, result.proof, second)
-        _write(documents, files, out, second)
+        if out is not None:
+            _write(documents, files, out, second)
         return ChainResult(log=log, fitted_model=fitted, outcome=result, files=files, documents=documents)
+
+
+def _requested(request: DesignRequest | None, keywords: Keywords) -> DesignRequest:
+    """Return the request, or that of the options.
+
+    Raises:
+        InputError: both, or no target; as the settings.
+    """
+    if request is not None:
+        if keywords:
+            raise InputError(f"{', '.join(keywords)}: state it in the request, or leave the request out")
+        return request
+    own = {name: keywords.get(name, default) for name, default in _OWN.items()}
+    options = {name: value for name, value in keywords.items() if name not in own}
+    tuning, sensing, wording, proving = split_options(
+        options, TuneSettings, SensorSettings, WordSettings, Conditions,
+        also=(*_OWN, "request", "out", "read", "fitted_with", "force", "progress"))
+    if own["target"] is None:
+        raise InputError(f"no target: name the controller, one of {', '.join(TARGETS)}")
+    target = target_named(own["target"])
+    return DesignRequest(
+        target=target, scaling=stated_scaling(target, None, sensing),
+        tune_settings=merge_options(TuneSettings, None, tuning), conditions=merge_options(Conditions, None, proving),
+        interval_by_words=own["interval_by_words"], sample_settings=own["sample_settings"] or SampleSettings(),
+        **wording)
 
 
 def _of_its_heater(request: DesignRequest, log: Log) -> DesignRequest:

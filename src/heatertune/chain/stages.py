@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any, Literal
 
 from heatertune import cache
 from heatertune.errors import ExportRefused, InputError
@@ -15,27 +15,35 @@ from heatertune.log.values import Log
 from heatertune.model import document as model_document
 from heatertune.model.temperature.fit_temperature import pool_candidates
 from heatertune.model.values import FittedModel
-from heatertune.options import merge_options
+from heatertune.options import Keywords, merge_options, split_options, with_options
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, Words, controller_for
 from heatertune.plc.design import encode as round_words
+from heatertune.plc.design import stated_scaling
+from heatertune.plc.targets import target_named
 from heatertune.plc.word_selection import choose_words
 from heatertune.processors import ProgressCallback
 from heatertune.proof import Proof
 from heatertune.proof.known_controller_check import closed_again, controllers
 from heatertune.proof.words_file import certificate
-from heatertune.settings import FitSettings
+from heatertune.settings import FitSettings, ReadSettings, SensorSettings
 
 if TYPE_CHECKING:
+    from typing import Unpack
+
     import numpy.typing as npt
     from pandas import DataFrame
+
+    from heatertune.keywords import FitOptions, LogFitOptions, SensorOptions
 
 __all__ = ["encode", "export", "fit", "fit_known", "fit_together"]
 
 
+@with_options(FitSettings, ReadSettings)
 def fit(
     data: Log | str | Path | IO[Any] | DataFrame | tuple[npt.ArrayLike, ...], settings: FitSettings | None = None, *,
-    thorough: bool = False, companions: bool = True, progress: ProgressCallback = str, **changed: Any,
+    read: ReadSettings | None = None, thorough: bool = False, companions: bool = True, progress: ProgressCallback = str,
+    **changed: Unpack[LogFitOptions],
 ) -> FittedModel:
     """Identify the heater of a log; without power, the fit simulates the paper's control laws.
 
@@ -44,15 +52,18 @@ def fit(
             table
             of pandas, arrays (time_s, temperature_degC, power_pct), all of shape (n,).
         settings: additional knowledge about the heater and the log; None: nothing.
+        read: how to read a file; None: detect everything.
         thorough: fit every controller hypothesis completely, even if it is far behind.
         companions: whether the candidates of other built-in logs of the same heater are added, as `design` does.
         progress: called with a short message when a stage begins.
-        changed: fields of `FitSettings` that differ from `settings`.
+        changed: fields of `FitSettings` that differ from `settings`, and of `ReadSettings` that differ from `read`.
 
     Raises:
-        InputError, OutOfRange: as `heatertune.model.fit.fit` and `log_of`.
+        InputError, OutOfRange: as `heatertune.model.fit.fit` and `log_of`; options of a file for data that are none.
     """
-    asked, log = merge_options(FitSettings, settings, changed), log_of(data)
+    fitting, reading = split_options(
+        changed, FitSettings, ReadSettings, also=("settings", "read", "thorough", "companions", "progress"))
+    asked, log = merge_options(FitSettings, settings, fitting), _log(data, read, reading)
     fitted = _fit_one(log, asked, progress, thorough=thorough)
     if not companions:
         return fitted
@@ -60,8 +71,10 @@ def fit(
     return pool_candidates(fitted, others)
 
 
+@with_options(FitSettings)
 def fit_together(
-    logs: Sequence[Log], settings: FitSettings | None = None, *, progress: ProgressCallback = str, **changed: Any
+    logs: Sequence[Log], settings: FitSettings | None = None, *, progress: ProgressCallback = str,
+    **changed: Unpack[FitOptions],
 ) -> FittedModel:
     """Identify the one heater behind several logs, all with power or all without; arguments as in `fit`.
 
@@ -80,9 +93,11 @@ def fit_together(
     )
 
 
+@with_options(FitSettings)
 def fit_known(
     log: Log, words: Words, settings: FitSettings | None = None, *, setpoint_degC: float | None = None,
-    known: Mapping[str, str] | None = None, progress: ProgressCallback = str, **changed: Any,
+    known: Mapping[str, str] | None = None, progress: ProgressCallback = str,
+    **changed: Unpack[FitOptions],
 ) -> FittedModel:
     """Identify the heater of a log without power but with a known controller.
 
@@ -118,6 +133,19 @@ def fit_known(
     return _kept("fit-known", inputs, run, progress)
 
 
+def _log(data: Any, read: ReadSettings | None, options: Keywords) -> Log:
+    """Return the log, read from a file as the options say.
+
+    Raises:
+        InputError: as `log_of`; options of a file for data that are none.
+    """
+    if read is None and not options:
+        return log_of(data)
+    if isinstance(data, Log | tuple):
+        raise InputError(f"{', '.join(options) or 'read'}: for a file; this log is read already")
+    return read_log(data, merge_options(ReadSettings, read, options))
+
+
 def _fit_one(log: Log, given: FitSettings, progress: ProgressCallback, *, thorough: bool = False) -> FittedModel:
     def run() -> FittedModel:
         from heatertune.model.fit import fit as fit_log
@@ -149,8 +177,10 @@ def _laws() -> Sequence[Any]:
     return LAWS
 
 
+@with_options(SensorSettings)
 def encode(
-    design: PidDesign, target: str, fitted: FittedModel | None = None, *, scaling: Scaling | None = None
+    design: PidDesign, target: str, fitted: FittedModel | None = None, *, scaling: Scaling | None = None,
+    words_by: Literal["auto", "optimum", "rounded"] = "auto", **changed: Unpack[SensorOptions],
 ) -> Words:
     """Encode a design as the parameters of a target.
 
@@ -159,15 +189,22 @@ def encode(
         target: the controller.
         fitted: the heater and its candidates, for the choice that `design` makes; None: each parameter is
             rounded on its own.
-        scaling: sensor range; None: 0…100 °C.
+        scaling: sensor range; None: as `range_degC` and `input` say.
+        words_by: how the words are found, see `heatertune.plc.word_selection.choose_words`.
+        changed: fields of `SensorSettings`.
 
     Raises:
         UnknownName: no such target.
+        InputError: both `scaling` and fields of `SensorSettings`, or a model-based choice without a model.
         NotRepresentable: a parameter does not fit; the error names the nearest change that would.
     """
+    target = target_named(target)
+    scaling = stated_scaling(target, scaling, changed, also=("target", "fitted", "scaling", "words_by"))
     if fitted is None:
+        if words_by == "optimum":
+            raise InputError("words_by = 'optimum' needs the heater: encode(design, target, model)")
         return round_words(design, target, scaling=scaling)
-    return choose_words(design, target, fitted, scaling=scaling).words
+    return choose_words(design, target, fitted, scaling=scaling, way=words_by).words
 
 
 def export(words: Words, proof: Proof, *, force: bool = False) -> dict[str, str | bytes]:

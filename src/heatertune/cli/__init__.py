@@ -17,10 +17,10 @@ from pathlib import Path
 from typing import Any, Final
 
 from heatertune import __version__
-from heatertune.cli.command_table import COMMAND_MODULES, command
+from heatertune.cli.command_table import BUILT_IN, COMMAND_MODULES, command, demand_files, with_user_settings
 from heatertune.cli.common import CommandParser, CommandStub
 from heatertune.cli.printing import LINE, colourise, to_nobody
-from heatertune.errors import ExportRefused, HeatertuneError, InputError, did_you_mean, one_line
+from heatertune.errors import ExportRefused, HeatertuneError, InputError, closest, did_you_mean, one_line
 
 __all__ = ["main"]
 
@@ -136,12 +136,27 @@ def _run(given: tuple[str, ...]) -> int:
     if not given:
         print(_welcome())
         return 0
+    given = _as_help(given)
     if not given[0].startswith("-") and given[0] not in COMMAND_MODULES:
-        near = did_you_mean(given[0], COMMAND_MODULES)
+        near = did_you_mean(given[0], (*COMMAND_MODULES, "help"))
+        log = given[0] if Path(given[0]).is_file() else closest(given[0], BUILT_IN)
+        near = near or (f": did you mean heatertune design {log} --target NAME?" if log else "")
         raise InputError(f"unknown command {given[0]!r}{near} (see: heatertune --help)")
-    settings = parser(given[0]).parse_args(given)
+    its = parser(given[0])
+    given, source = with_user_settings(given, its)
+    settings = its.parse_args(given)
+    demand_files(its, settings)
+    if source and not getattr(settings, "quiet", False):
+        print(source, file=sys.stderr)
     settings.given = given
     return int(settings.run(settings))
+
+
+def _as_help(words: tuple[str, ...]) -> tuple[str, ...]:
+    """Return `help` and `help COMMAND` as the options that they mean."""
+    if words[0] not in ("help", "-help", "-?", "/?"):
+        return words
+    return ("--help",) if len(words) == 1 else (words[1], "--help-all" if "all" in words[2:] else "--help")
 
 
 def _complain(text: str) -> None:

@@ -1,19 +1,30 @@
-"""The commands: where each is, and which options its `--help` shows; `--help-all` shows the others, too.
+"""The commands: where each is, which options its `--help` shows, and what completes a command line.
+
+`--help-all` shows the other options, too. The user's `heatertune.toml` states options that a command line leaves out.
 
 This is the one place in the core that names modules of the extras: batch, live, studio, supervision.
 """
 
 from __future__ import annotations
 
+import argparse
+import os
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
+from heatertune.codec import read_toml
+from heatertune.errors import DocumentError, InputError, closest, did_you_mean
+
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from heatertune.proof.difference import WriteHistory
 
-__all__ = ["COMMAND_MODULES", "FIRST_OPTIONS", "Command", "command", "current_options", "written_in"]
+__all__ = [
+    "BUILT_IN", "COMMAND_MODULES", "FIRST_OPTIONS", "Command", "command", "current_options", "demand_files",
+    "read_settings", "settings_file", "with_user_settings", "written_in",
+]
 
 #: command, in the order of the help → its module in heatertune
 COMMAND_MODULES: Final = {
@@ -131,3 +142,100 @@ def written_in(paths: Sequence[str], directory: str) -> WriteHistory:
     """Read the records of writes that a report is to show; errors as `heatertune.live.write.rollback.written_in`."""
     history: WriteHistory = import_module("heatertune.live.write.rollback").written_in(paths, directory)
     return history
+
+
+_NAME: Final = "heatertune.toml"
+#: keys of the file: options by their names; the controller, its sensor, the specification and the PWM
+KEYS: Final = (
+    "target", "range", "input", "spec", "pwm-period", "pwm-rule", "pwm-resolution", "minimum-on", "minimum-off",
+    "switch-kind", "temperature-unit", "power-full-scale")
+#: commands that begin something; those that repeat what a file records take it from there
+_COMPLETED: Final = ("design", "tune", "fleet", "advise", "supervise", "decode")
+#: what stands for an existing file in the help of a command
+_FILES: Final = ("LOG", "MODEL", "PID", "PID|WORDS", "WORDS", "INPUTS", "IMAGE", "DUMP")
+#: logs that come with heatertune
+BUILT_IN: Final = ("table3", "table4")
+
+
+def settings_file() -> Path | None:
+    """Return the file of the user's settings: of this folder, else of the user's config folder; None: there is none."""
+    home = Path(os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config")
+    return next((path for path in (Path(_NAME), home / "heatertune" / _NAME) if path.is_file()), None)
+
+
+def with_user_settings(words: tuple[str, ...], parser: argparse.ArgumentParser) -> tuple[tuple[str, ...], str]:
+    """Return a command line with what the user's file says of options that it leaves out, and a line that says so.
+
+    Raises:
+        DocumentError: the file is no TOML, or has a key or value that no option has.
+    """
+    if words[0] not in _COMPLETED or any(word in ("-h", "--help", "--help-all") for word in words):
+        return words, ""
+    path = settings_file()
+    if path is None:
+        return words, ""
+    flags = {flag for action in _actions(parser, words[0]) for flag in action.option_strings}
+    options = [word.partition("=")[0] for word in words if word.startswith("--")]
+    added: list[str] = []
+    for key, values in read_settings(path).items():
+        flag = f"--{key}"
+        if flag in flags and not any(len(word) > 2 and flag.startswith(word) for word in options):
+            added += [flag, *values]
+    return (*words, *added), f"[{path}] {' '.join(added)}" if added else ""
+
+
+def read_settings(path: Path) -> dict[str, list[str]]:
+    """Return the options of the file, each with its values as a command line has them.
+
+    Raises:
+        DocumentError: no TOML, or a key or value that no option has.
+    """
+    options = {}
+    for name, value in read_toml(path).items():
+        key = name.replace("_", "-")
+        if key not in KEYS:
+            raise DocumentError(f"{path}: {name}: no such key{did_you_mean(key, KEYS)} (known: {', '.join(KEYS)})")
+        values = value if isinstance(value, list) else [value]
+        if not values or any(isinstance(each, bool) or not isinstance(each, str | int | float) for each in values):
+            raise DocumentError(f"{path}: {name}: expected a text, a number, or a list of them")
+        options[key] = [f"{each}" for each in values]
+    return options
+
+
+def demand_files(parser: argparse.ArgumentParser, settings: argparse.Namespace) -> None:
+    """Refuse a file that is not there, where the name of another one, or of a built-in log, is near.
+
+    Raises:
+        InputError: such a file.
+    """
+    names = vars(settings)
+    for action in _actions(parser, ""):
+        if action.option_strings or action.metavar not in _FILES or not isinstance(names.get(action.dest), str | list):
+            continue
+        given = names[action.dest]
+        for name in [given] if isinstance(given, str) else given:
+            near = "" if name.lower() in BUILT_IN or os.path.lexists(name) else _near(name, log=action.metavar == "LOG")
+            if near:
+                raise InputError(f"{name}: cannot be read: No such file or directory; did you mean {near}?")
+
+
+def _near(name: str, *, log: bool) -> str | None:
+    folder = Path(name).parent
+    try:
+        there = {str(folder / each.name): each.name for each in folder.iterdir() if each.is_file()}
+    except OSError:
+        there = {}
+    names = {each: path for path, each in there.items()} | ({each: each for each in BUILT_IN} if log else {})
+    near = closest(Path(name).name, names)
+    return None if near is None else names[near]
+
+
+def _actions(parser: argparse.ArgumentParser, command: str) -> Iterator[Any]:
+    """Yield the actions of a parser and of its commands, or of the one that is named."""
+    for action in parser._actions:  # argparse has no public way to them
+        if isinstance(action, argparse._SubParsersAction):
+            for name, its in action.choices.items():
+                if command in ("", name):
+                    yield from its._actions
+        else:
+            yield action

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import argparse
 import copy
+import os
 import re
 import sys
 from collections.abc import Sequence
 from itertools import takewhile
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NoReturn
 
 from heatertune import options, plc
 from heatertune.cli.command_table import FIRST_OPTIONS, current_options
 from heatertune.codec import peek_schema
 from heatertune.errors import InputError, UnknownName, did_you_mean
-from heatertune.plc.targets import COOLING, FAITHFUL, NAMES
+from heatertune.options import point_of
+from heatertune.plc.open_points import settings_of
+from heatertune.plc.targets import COOLING, FAITHFUL, NAMES, target_named
 from heatertune.settings import (
     Conditions,
     FitSettings,
@@ -36,8 +40,8 @@ if TYPE_CHECKING:
 __all__ = [
     "FULL", "CommandParser", "CommandStub", "add_condition_options", "add_log_options", "add_model_options",
     "add_proof_options", "add_reading_options", "add_tuning_options", "add_word_options", "again", "by_hand",
-    "conditions", "design_and_model", "design_request", "interval_by_words", "model_from", "proof_asked", "reading",
-    "sample_time", "scaling", "target", "words_of_machine",
+    "conditions", "demand_folder", "design_and_model", "design_request", "interval_by_words", "model_from",
+    "proof_asked", "reading", "sample_time", "scaling", "target", "words_of_machine",
 ]
 
 
@@ -49,6 +53,20 @@ _OF_SEVERAL: Final = ("--setpoint",)  # options with one number or two
 #: columns of an option and of what it is, in the first layer of the help on a terminal of 80
 _OPTION_COLUMNS: Final = 25
 _TEXT_COLUMNS: Final = 51
+
+
+#: a value that begins with a minus, no option; with a decimal comma, too
+_NEGATIVE: Final = re.compile(r"^-\d+$|^-\d*[.,]\d+$")
+
+
+def _number_hint(text: str) -> str:
+    """Return what a text that is no number may have been meant as; nothing where that is not clear."""
+    number = re.match(r"[-+]?[0-9]+(?:[.,][0-9]+)?", text)
+    if re.fullmatch(r"[-+]?\d{1,3}(,\d{3})+", text):
+        return f": write {text.replace(',', '')}, or {text.replace(',', '.', 1)}"
+    if (ends := re.fullmatch(r"(\d+)\s*(?:-|\.\.|…|:)\s*(\d+)", text)) is not None:
+        return f": write {ends[1]} {ends[2]}"
+    return f": write {point_of(number[0])}, without a unit" if number is not None else ""
 
 
 class _HelpAll(argparse.Action):
@@ -75,6 +93,7 @@ class CommandParser(argparse.ArgumentParser):
         self._first: Final = FIRST_OPTIONS.get(command, ())
         self.add_argument("-h", "--help", action="help", help=(
             "show the options that matter most and exit" if self._first else "show this help message and exit"))
+        self._negative_number_matcher = _NEGATIVE
         self.add_argument("--help-all", action=_HelpAll, help=(
             "show all options and exit" if self._first else argparse.SUPPRESS))
 
@@ -98,6 +117,25 @@ class CommandParser(argparse.ArgumentParser):
         formatter.end_section()
         formatter.add_text(self.epilog)
         return f"{formatter.format_help()}all options: {self.prog} --help-all\n"
+
+    def _get_value(self, action: argparse.Action, arg_string: str) -> Any:
+        """Return a value of the command line; a number may have a decimal comma."""
+        if action.type not in (float, int):
+            return super()._get_value(action, arg_string)  # argparse has no public way to a value
+        try:
+            return action.type(point_of(arg_string) if action.type is float else arg_string)
+        except ValueError:
+            kind = "a whole number" if action.type is int else "a number"
+            hint = _number_hint(arg_string)
+            raise argparse.ArgumentError(action, f"{arg_string!r} is not {kind}{hint}") from None
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        """Refuse what is not one of the choices, and name the closest one."""
+        if action.choices is not None and value not in action.choices:
+            choices = [str(each) for each in action.choices]
+            expected = choices[0] if len(choices) == 1 else f"{', '.join(choices[:-1])} or {choices[-1]}"
+            meant = did_you_mean(str(value), choices)
+            raise argparse.ArgumentError(action, f"unknown value {value!r}{meant} (expected {expected})")
 
     def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Return the options; "--option=--" has no value, argparse makes a list of it."""
@@ -270,7 +308,7 @@ def add_proof_options(command: argparse.ArgumentParser, *, target: str | None = 
     group = command.add_argument_group("target")
     default = "" if target is None else f" (default: {target})"
     group.add_argument("--target", required=needed and target is None, default=target, metavar="NAME",
-                       type=options.one_of(NAMES),
+                       type=target_named,
                        help=f"the controller (see: heatertune targets): {', '.join(NAMES)}{default}")
     group.add_argument("--as-printed", action="store_true",
                        help="the program exactly as its source prints it, with its faults (s7-200)")
@@ -296,13 +334,41 @@ def add_word_options(command: argparse.ArgumentParser, *names: str, but: Sequenc
 
 
 def conditions(settings: argparse.Namespace) -> Conditions:
-    """Return the conditions of the proof; errors as `heatertune.options.of`."""
-    return options.of(Conditions, settings)
+    """Return the conditions of the proof, refused before anything is computed.
+
+    Raises:
+        InputError: as `heatertune.options.of`.
+        UnknownName: no such limit, specification, finding to accept, open point or setting.
+        DocumentError: a file of a specification or profile that cannot be read.
+    """
+    from heatertune.proof.spec_file import specification_of
+    from heatertune.proof.verdict import FitDiagnostics
+
+    given = options.of(Conditions, settings)
+    specification_of(given)
+    FitDiagnostics(accepted=given.accept)
+    if getattr(settings, "target", None) is not None and given.switches:
+        settings_of(plc.controller_for(target(settings)).switches, given.switches)
+    return given
 
 
 def reading(settings: argparse.Namespace) -> ReadSettings:
     """Return how a log file is to be read; errors as `heatertune.options.of`."""
     return options.of(ReadSettings, settings)
+
+
+def demand_folder(path: str | Path) -> None:
+    """Refuse a folder for results that cannot be written, before anything is computed.
+
+    Raises:
+        InputError: a file of that name, or a folder that the user may not write.
+    """
+    folder = Path(path)
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"--out {path}: a file; expected a folder")
+    there = next(each for each in (folder, *folder.absolute().parents) if each.exists())
+    if not os.access(there, os.W_OK):
+        raise InputError(f"--out {path}: {there} cannot be written")
 
 
 def sample_time(settings: argparse.Namespace) -> float | None:
@@ -331,12 +397,14 @@ def target(settings: argparse.Namespace) -> str:
 
 
 def design_request(settings: argparse.Namespace) -> DesignRequest:
-    """Return what a design is asked for; errors as `heatertune.options.of`."""
+    """Return what a design is asked for; errors as `conditions` and `heatertune.pid.tune.refuse_contradictions`."""
+    from heatertune.pid.tune import refuse_contradictions
     from heatertune.proof.design_request import DesignRequest
 
-    by = options.of(WordSettings, settings)
+    by, tuning = options.of(WordSettings, settings), options.of(TuneSettings, settings)
+    refuse_contradictions(tuning)
     return DesignRequest(
-        target=target(settings), scaling=scaling(settings), tune_settings=options.of(TuneSettings, settings),
+        target=target(settings), scaling=scaling(settings), tune_settings=tuning,
         conditions=conditions(settings), interval_by_words=interval_by_words(settings), words_by=by.words_by,
         refined=by.refined, setpoint_ramp=by.setpoint_ramp, boost=by.boost, switch_kind=by.switch_kind,
         as_is=by.as_is, sample_settings=options.of(SampleSettings, settings))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from heatertune import chain, options, plc, report
@@ -77,7 +78,7 @@ def add_design(commands: Any) -> None:
                     "documents, the export files and report.html.",
     )
     command.add_argument("log", metavar="LOG", help="a CSV file, or the built-in table3 / table4")
-    command.add_argument("-o", "--out", required=True, metavar="DIR", help="folder for the results")
+    command.add_argument("-o", "--out", metavar="DIR", help="folder for the results (default: named after the log)")
     options.add(command, WordSettings)
     command.add_argument("--force", action="store_true", help="export even if the verdict is not PASS")
     common.add_proof_options(command)
@@ -90,8 +91,22 @@ def add_design(commands: Any) -> None:
 def _run_design(settings: argparse.Namespace) -> int:
     from heatertune.chain.precompile import work_alongside
 
+    settings.out = settings.out or _folder_of(settings.log)
+    common.demand_folder(settings.out)
     with work_alongside(settings.target) as second:  # which begins before the rest is imported
         return _designed(settings, second)
+
+
+def _folder_of(log: str) -> str:
+    """Return the folder for the results of a log: its name without its ending.
+
+    Raises:
+        InputError: a folder of that name that holds no design.
+    """
+    name = Path(log).name.partition(".")[0]
+    if not name or (Path(name).exists() and not (Path(name) / DATA / "proof.json").exists()):
+        raise InputError(f"{name or log}: there already, and no design: name a folder with --out")
+    return name
 
 
 def _designed(settings: argparse.Namespace, second: Worker) -> int:

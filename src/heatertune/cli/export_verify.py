@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from heatertune import chain, options, plc, report
 from heatertune.cli import common, printing
 from heatertune.cli.command_table import written_in
-from heatertune.cli.saved_design import ProofSource, proof_source, redesign_command
+from heatertune.cli.saved_design import ProofSource, proof_source, redesign_command, target_in
 from heatertune.codec import DATA, to_json
 from heatertune.commissioned import AsLeftSettings, RecordSettings
 from heatertune.errors import DocumentError, ExportRefused, InputError
@@ -37,7 +37,7 @@ def add_verify(commands: Any) -> None:
     )
     command.add_argument("pid", metavar="PID|WORDS", help="pid.json of tune, or words.json of export-db")
     common.add_word_options(command, "words_by", "setpoint_ramp", "boost")
-    common.add_proof_options(command)
+    common.add_proof_options(command, needed=False)
     common.add_model_options(command)
     options.add(command.add_argument_group("many heaters"), SampleSettings)
     printing.add_output_options(command, _run_verify, brief=True)
@@ -48,6 +48,7 @@ def _run_verify(settings: argparse.Namespace) -> int:
     from heatertune.proof.verdict import verdict_first, verdict_line
 
     progress = printing.Progress(settings)
+    settings.target = settings.target or target_in(settings.pid)
     asked, drawn = proof_source(settings), options.of(SampleSettings, settings)
     fitted, conditions = asked.fitted_model, asked.conditions
     if drawn.replay is not None:

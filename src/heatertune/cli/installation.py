@@ -6,10 +6,10 @@ import argparse
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, Final
 
+from heatertune import __version__
 from heatertune.cli import printing
 from heatertune.codec import encode
-from heatertune.options import one_of
-from heatertune.plc import NAMES
+from heatertune.plc.targets import NAMES, target_named
 from heatertune.report.layout import table
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ def add_bench(commands: Any) -> None:
                     "alternating with references; print the minimum, median and maximum of each. It takes about twenty "
                     "seconds, longer when a loop is compiled for the first time.",
     )
-    command.add_argument("--target", default="s5-ob251", metavar="NAME", type=one_of(NAMES),
+    command.add_argument("--target", default="s5-ob251", metavar="NAME", type=target_named,
                          help=f"one of {', '.join(NAMES)}")
     command.add_argument("--samples", type=int, default=1000, metavar="N",
                          help="how many samples of 3,000 s are run on one processor and on all (default 1000)")
@@ -75,6 +75,7 @@ _EPILOG = f"""\
 bash: heatertune completion bash > ~/.local/share/bash-completion/completions/heatertune
 zsh:  heatertune completion zsh > DIR/_heatertune, DIR being one of $fpath
 fish: heatertune completion fish > ~/.config/fish/completions/heatertune.fish
+man:  heatertune completion man > ~/.local/share/man/man1/heatertune.1
 
 {COMPLETION_EXAMPLE}
 """
@@ -87,11 +88,12 @@ _DIRECTORIES: Final = ("DIR",)
 def add_completion(commands: Any) -> None:
     """Add the command."""
     command = commands.add_parser(
-        "completion", help="print a completion script for bash, zsh or fish", epilog=_EPILOG,
-        description="Print a completion script. Put it where the shell looks for completions, and start a new shell.",
+        "completion", help="print a completion script for bash, zsh or fish, or the man page", epilog=_EPILOG,
+        description="Print a completion script. Put it where the shell looks for completions, and start a new shell. "
+                    "Or print the man page.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    command.add_argument("shell", choices=("bash", "zsh", "fish"), help="the shell")
+    command.add_argument("shell", choices=("bash", "zsh", "fish", "man"), help="the shell, or man")
     command.set_defaults(run=_run_completion)
 
 
@@ -101,6 +103,9 @@ def _run_completion(settings: argparse.Namespace) -> int:
     from heatertune.cli import parser
 
     whole = parser()
+    if settings.shell == "man":
+        print(_man_page(whole), end="")
+        return 0
     for action in _actions(whole):
         if action.dest == "target":
             action.choices = tuple(NAMES)
@@ -110,6 +115,21 @@ def _run_completion(settings: argparse.Namespace) -> int:
             action.complete = shtab.DIRECTORY  # type: ignore[attr-defined]  # same
     print(shtab.complete(whole, shell=settings.shell))
     return 0
+
+
+def _man_page(whole: argparse.ArgumentParser) -> str:
+    """Return the help of all commands as a man page."""
+    def shown(its: argparse.ArgumentParser) -> list[str]:
+        lines = its.format_help().rstrip().replace("\\", "\\e").replace("-", "\\-").splitlines()
+        return [".nf", *(f"\\&{line}" if line.startswith((".", "'")) else line for line in lines), ".fi"]
+
+    named = next(action for action in whole._actions if isinstance(action, argparse._SubParsersAction))
+    parts = [f'.TH HEATERTUNE 1 "" "heatertune {__version__}"', ".SH NAME",
+             "heatertune \\- from a heater's temperature log to proven PID parameters for your PLC",
+             ".SH SYNOPSIS", "heatertune COMMAND [OPTION ...]", ".SH COMMANDS", *shown(whole)]
+    for name, its in named.choices.items():
+        parts += [f".SH {name.upper()}", *shown(its)]
+    return "\n".join([*parts, ""])
 
 
 def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 from heatertune import options, plc
 from heatertune.cli import common
 from heatertune.cli.common import again
+from heatertune.codec import peek_schema, read_document
 from heatertune.errors import InputError
 from heatertune.options import Option, options_of
 from heatertune.plc import NAMES
@@ -26,7 +27,8 @@ if TYPE_CHECKING:
     from heatertune.plc import Words
     from heatertune.plc.word_selection import WordChoice
 
-__all__ = ["ProofSource", "add_known_options", "in_force", "known_words", "proof_source", "redesign_command"]
+__all__ = ["ProofSource", "add_known_options", "in_force", "known_words", "proof_source", "redesign_command",
+           "target_in"]
 
 
 def add_known_options(command: argparse.ArgumentParser) -> None:
@@ -113,14 +115,43 @@ def proof_source(settings: argparse.Namespace) -> ProofSource:
     ramp = by.setpoint_ramp
     if words is not None:
         words = replace(words, boost=None) if by.boost == "none" else words
-        return ProofSource(words=words, choice=None, fitted_model=common.model_from(settings, None),
-                       conditions=common.conditions(settings), ramp=ramp, notes=())
+        model, sources = _model_of_words(settings)
+        return ProofSource(words=words, choice=None, fitted_model=model, conditions=common.conditions(settings),
+                           ramp=ramp, notes=sources)
     design, fitted, kept = common.design_and_model(settings)
     recipe, notes = in_force(settings, kept, settings.pid)
     choice, same = made_again(design, fitted, recipe), recipe == kept and ramp is None and not common.by_hand(settings)
     return ProofSource(words=choice.words, choice=choice, fitted_model=fitted, conditions=recipe.conditions, ramp=ramp,
                    notes=tuple(notes), way_on=recipe.way_on if same else None, design=design, recipe=recipe,
                    structure=design.structure)
+
+
+def _model_of_words(settings: argparse.Namespace) -> tuple[FittedModel, tuple[str, ...]]:
+    """Return the model by its numbers, else the model.json next to the parameters, and a note on what was taken."""
+    beside = Path(settings.pid).with_name("model.json")
+    if common.by_hand(settings) or not beside.exists():
+        return common.model_from(settings, None), ()
+    design = Path(settings.pid).with_name("pid.json")
+    also = f"; {design} has the conditions of the design, too" if design.exists() else ""
+    return common.model_from(settings, str(beside)), (f"Proven on the heaters of {beside}{also}.",)
+
+
+def target_in(path: str) -> str:
+    """Return the controller that a saved design or parameters are for.
+
+    Raises:
+        InputError: the file names none, or cannot be read.
+    """
+    from heatertune.pid.document import SCHEMA, read_design
+    from heatertune.proof.words_file import WORDS_SCHEMA
+
+    schema = peek_schema(path)
+    if schema == WORDS_SCHEMA:
+        return str(read_document(path, WORDS_SCHEMA).get("target"))
+    recipe = read_design(path)[2] if schema in (SCHEMA, None) else None
+    if recipe is None or not recipe.target:
+        raise InputError(f"{path} names no controller: add --target NAME (see: heatertune targets)")
+    return recipe.target
 
 
 def redesign_command(settings: argparse.Namespace, asked: ProofSource, setpoint_degC: float) -> tuple[str, ...]:

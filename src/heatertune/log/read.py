@@ -56,13 +56,17 @@ from heatertune.log.values import (
     ReadSummary,
     built_in,
 )
-from heatertune.options import merge_options
+from heatertune.options import merge_options, with_options
 from heatertune.settings import ReadSettings
 from heatertune.units import count, degF_to_degC, kelvin_to_degC
 from heatertune.writing import display_name
 
 if TYPE_CHECKING:
+    from typing import Unpack
+
     from pandas import DataFrame
+
+    from heatertune.keywords import ReadOptions
 
 __all__ = [
     "SIGNS", "FileNotation", "RowCounts", "TemperatureUnit", "log_of", "read_log", "stated_units",
@@ -236,9 +240,10 @@ class _Series(NamedTuple):
     ambient_degC: Array | None
 
 
+@with_options(ReadSettings)
 def read_log(
     source: str | Path | IO[Any] | DataFrame, settings: ReadSettings | None = None, *, content: bytes | None = None,
-    **changed: Any,
+    **changed: Unpack[ReadOptions],
 ) -> Log:
     """Read a temperature log.
 
@@ -257,7 +262,7 @@ def read_log(
         LogError: content that cannot be interpreted, with file, line, column and value.
         UnknownName: a unit that does not exist.
     """
-    asked = merge_options(ReadSettings, settings, changed)
+    asked = merge_options(ReadSettings, settings, changed, also=("settings", "content"))
     if not isinstance(source, str | Path):
         source, content = _handed(source)
     named = isinstance(source, str) and source.lower() in BUILT_IN and content is None

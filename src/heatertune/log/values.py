@@ -256,6 +256,12 @@ class Log(NotebookDisplay):
         if self.cooling_pct is not None and self.power_pct is None:
             raise OutOfRange("cooling_pct", float(self.cooling_pct[0]), "logged together with the heater's power")
 
+    def __repr__(self) -> str:
+        """Return name, size and columns in one line; `summary()` has the rest."""
+        columns = ("power_pct", "setpoint_degC", "disturbance", "cooling_pct", "ambient_degC")
+        logged = ", ".join(["temperature", *(each for each in columns if getattr(self, each) is not None)])
+        return f"<Log {self.name}: {len(self.time_s)} rows in {float(np.ptp(self.time_s)):g} s, {logged}>"
+
     @classmethod
     def from_frame(
         cls, frame: DataFrame, *, time: str | None = None, temperature: str = "temperature_degC",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -38,6 +38,11 @@ from heatertune.options import merge_options
 from heatertune.settings import FitSettings
 from heatertune.units import check
 
+if TYPE_CHECKING:
+    from typing import Unpack
+
+    from heatertune.keywords import FitOptions
+
 _SWING_ROWS, _SWINGS = 5, -0.4  # half a period of a swing [rows], and the correlation after it
 _BEHIND = 10.0  # BIC points behind which one lag does not explain a log
 
@@ -52,7 +57,7 @@ def fit(
     thorough: bool = False,
     seed: int = 1,
     progress: Callable[[str], object] = str,
-    **changed: Any,
+    **changed: Unpack[FitOptions],
 ) -> FittedModel:
     """Identify the heater of a log.
 
@@ -217,7 +222,7 @@ def fit_known(
     setpoint_degC: float | None = None,
     seed: int = 1,
     progress: Callable[[str], object] = str,
-    **changed: Any,
+    **changed: Unpack[FitOptions],
 ) -> FittedModel:
     """Identify the heater of a log without power but with a known controller; see `known_controller`.
 
@@ -272,7 +277,7 @@ def fit_together(
     laws: Sequence[ControllerLaw] = (),
     seed: int = 1,
     progress: Callable[[str], object] = str,
-    **changed: Any,
+    **changed: Unpack[FitOptions],
 ) -> FittedModel:
     """Identify the common heater of several logs, all with power or all without; arguments as in `fit`.
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -29,6 +29,11 @@ from heatertune.model.validation import ljung_box
 from heatertune.model.values import FittedModel, HeaterModel, InputCorrelation, TwoLag
 from heatertune.options import merge_options
 from heatertune.settings import ValidateSettings
+
+if TYPE_CHECKING:
+    from typing import Unpack
+
+    from heatertune.keywords import ValidateOptions
 
 __all__ = ["MOST_BIAS_PCT", "ValidationRun", "Verdict", "VerdictView", "to_document", "validate"]
 
@@ -94,7 +99,9 @@ class Verdict:
     notes: tuple[str, ...]
 
 
-def validate(fitted: FittedModel, log: Log, settings: ValidateSettings | None = None, **changed: Any) -> Verdict:
+def validate(
+    fitted: FittedModel, log: Log, settings: ValidateSettings | None = None, **changed: Unpack[ValidateOptions]
+) -> Verdict:
     """Simulate a model and every plausible heater with the power of a log, and judge them by the log's readings.
 
     Designs use all of them, so every one has to pass.

@@ -29,11 +29,13 @@ if TYPE_CHECKING:
     from heatertune.model.statistics import Interval
 
 __all__ = [
-    "Candidate", "Dynamics", "FitOutcome", "FittedModel", "Fopdt", "Half", "HeaterModel", "HeldOut",
+    "DEFAULT_PADE", "Candidate", "Dynamics", "FitOutcome", "FittedModel", "Fopdt", "Half", "HeaterModel", "HeldOut",
     "InputCorrelation", "OneLog", "Residuals", "TwoLag", "Validation", "disagreeing_parameters", "model_by_hand",
 ]
 
 
+#: order of the Padé approximant of a dead time where none is stated
+DEFAULT_PADE: Final = 4
 _WHOLE: Final = 1e-9  # of an interval: a dead time as near to a multiple of it is one
 _SCIPYS_ZERO: Final = 1e-14  # SciPy leaves a leading coefficient up to here out, and warns
 _AT_ONCE: Final = 1 << 20  # instants times edges of the power
@@ -105,23 +107,23 @@ class Dynamics:
         """Return the heater as python-control's transfer function, from power [%] to rise above the ambient [°C].
 
         Args:
-            pade: order of the Padé approximant of the dead time in a continuous system.
+            pade: order of the Padé approximant of the dead time L in a continuous system; None: `DEFAULT_PADE`, whose
+                phase is right to 0.1° up to ω = 3.4/L.
             sample_time_s: of the sampled system with held power, in which the dead time is exact, whatever it is [s].
 
         Raises:
-            OutOfRange: both are given, or neither and there is a dead time, which python-control does not support;
-                an order below 1, which would omit the dead time.
+            OutOfRange: both are given; an order below 1, which would omit the dead time.
         """
         import control
 
         heater = self._heater
-        if (sample_time_s is None) == (pade is None) and (heater.dead_time_s > 0.0 or pade is not None):
+        if sample_time_s is not None and pade is not None:
             raise OutOfRange("pade", pade, "an order, or sample_time_s for a sampled system with the exact dead time")
         if pade is not None:
             check("pade", pade, least=1)
         if sample_time_s is not None:
             return control.TransferFunction(*_sampled(heater, sample_time_s), sample_time_s)
-        above, below = control.pade(heater.dead_time_s, pade or 0)
+        above, below = control.pade(heater.dead_time_s, pade or DEFAULT_PADE)
         for lag in heater.lags_s:
             below = np.polymul(below, [lag, 1.0])
         return control.TransferFunction(heater.gain_degC_per_pct * np.asarray(above), below)
@@ -290,6 +292,22 @@ class Fopdt(Dynamics):
     def __post_init__(self) -> None:
         _check_plant(self)
 
+    @classmethod
+    def from_tf(cls, system: TransferFunction, *, ambient_degC: float | None = None) -> Fopdt:
+        """Return the heater of python-control's transfer function, from power [%] to rise above the ambient [°C].
+
+        Args:
+            system: continuous, with the dead time as a Padé approximant, or sampled with held power.
+            ambient_degC: temperature without power [°C], None if unknown.
+
+        Raises:
+            InputError: another system than of first order plus dead time; `TwoLag` has its own.
+        """
+        heater = _from_tf(system, ambient_degC)
+        if not isinstance(heater, cls):
+            raise InputError("no FOPDT: two lags; TwoLag.from_tf takes them, and its half_rule() gives one")
+        return heater
+
     @property
     def _heater(self) -> Fopdt:
         return self
@@ -332,6 +350,18 @@ class TwoLag(Dynamics):
     def __post_init__(self) -> None:
         _check_plant(self)
         check("second_time_constant_s", self.second_time_constant_s, above=0.0, most=self.time_constant_s)
+
+    @classmethod
+    def from_tf(cls, system: TransferFunction, *, ambient_degC: float | None = None) -> TwoLag:
+        """Return the heater of python-control's transfer function; as `Fopdt.from_tf`, with two lags.
+
+        Raises:
+            InputError: another system than of two lags plus dead time.
+        """
+        heater = _from_tf(system, ambient_degC)
+        if not isinstance(heater, cls):
+            raise InputError("one lag: Fopdt.from_tf takes it")
+        return heater
 
     @property
     def _heater(self) -> TwoLag:
@@ -556,6 +586,15 @@ class FittedModel(NotebookDisplay, Dynamics):
             check("logged_range_degC", low, least=-273.15)
             check("logged_range_degC", high, least=low)
 
+    def __repr__(self) -> str:
+        """Return the working model and its quality in one line; `summary()` has the rest."""
+        fit = "" if self.fit_pct is None else f", fit {self.fit_pct:.1f} %"
+        own, count = self.model, len(self.heaters)
+        ambient = "" if own.ambient_degC is None else f", ambient {own.ambient_degC:.4g} °C"
+        return (f"<FittedModel {own.gain_degC_per_pct:.4g} °C/%, lag {own.time_constant_s:.4g} s, dead time "
+                f"{own.dead_time_s:.4g} s{ambient}{fit}, {count} plausible heater{'s' if count > 1 else ''}, "
+                f"{self.outcome.name}>")
+
     @property
     def _heater(self) -> Fopdt:
         return self.model
@@ -614,6 +653,12 @@ class FittedModel(NotebookDisplay, Dynamics):
             least = self.least_dead_time_s
             labels.setdefault(model if model.dead_time_s >= least else replace(model, dead_time_s=least), label)
         return tuple((label, model) for model, label in labels.items())
+
+
+def _from_tf(system: TransferFunction, ambient_degC: float | None) -> HeaterModel:
+    from heatertune.model.transfer_functions import heater_from
+
+    return heater_from(system, ambient_degC=ambient_degC)
 
 
 def model_by_hand(model: HeaterModel) -> FittedModel:

@@ -20,6 +20,7 @@ from heatertune.pid.search.feasible import Problem, search
 from heatertune.pid.specs import OBJECTIVES, Specs
 from heatertune.pid.tune import assessed_sampled, tune
 from heatertune.pid.values import PidDesign
+from heatertune.settings import TuneSettings
 from heatertune.units import whole
 
 __all__ = ["SCHEMA", "alternatives", "front"]
@@ -65,7 +66,7 @@ def front(
     wanted = Specs(ms=ms_high, **specs)
     if sample_time_s is None:
         half_way = {"ms": 0.5 * (ms_low + ms_high), **specs}
-        sample_time_s = tune(fitted, structure=structure, progress=progress, **half_way).sample_time_s
+        sample_time_s = tune(fitted, TuneSettings(structure=structure, **half_way), progress=progress).sample_time_s
     rows: list[dict[str, Any]] = []
     least = math.inf
     for number, ms in enumerate(np.linspace(ms_low, ms_high, points), 1):

@@ -17,6 +17,7 @@ import numpy as np
 from heatertune.arrays import Array, Complex
 from heatertune.heater.exact import apart
 from heatertune.pid.specs import ROOM
+from heatertune.pid.values import DERIVATIVE_FILTER_N
 
 __all__ = [
     "DERIVATIVE_FILTER_N", "Four", "Space", "controller", "encirclements", "least_price", "oscillation", "pieces",
@@ -25,7 +26,6 @@ __all__ = [
 
 Four = tuple[float, float, float, float]
 
-DERIVATIVE_FILTER_N = 10.0  # N of the ideal form; K. J. Åström and T. Hägglund use 8…20
 
 _MOST_PIECES = 6
 _MOST_STEPS = 60_000

@@ -19,7 +19,7 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
 import numpy as np
 
@@ -352,7 +352,8 @@ def crossings(loop: Complex, *, sampled: bool = True) -> tuple[float, float]:
     return gain, margin
 
 
-_MOST_DELAY = 100  # samples of dead time
+#: samples of dead time up to which python-control's polynomials keep their digits
+MOST_DELAY: Final = 100
 
 
 def loop_transfer_function(model: HeaterModel, design: PidDesign) -> Any:
@@ -361,19 +362,12 @@ def loop_transfer_function(model: HeaterModel, design: PidDesign) -> Any:
 
     ta = design.sample_time_s
     plant = sample_plant(model, ta)
-    z = control.tf([1.0, 0.0], [1.0], ta)
     modes = [
         control.tf([now, before], [1.0, -pole], ta)
         for pole, now, before in zip(plant.poles, plant.now, plant.before, strict=True)
     ]
     shift = control.tf([1.0], np.append(1.0, np.zeros(plant.delay + 1)), ta)
-    parts = control.tf([1.0], [1.0], ta)
-    if math.isfinite(design.integral_time_s):
-        parts = parts + (ta / design.integral_time_s) * z / (z - 1.0)
-    if design.derivative_time_s > 0.0:
-        past = design.derivative_filter
-        parts = parts + ((1.0 - past) * design.derivative_time_s / ta) * (z - 1.0) / (z - past)
-    return sum(modes[1:], modes[0]) * shift * (design.gain_pct_per_degC * parts)
+    return sum(modes[1:], modes[0]) * shift * design.to_tf()
 
 
 def control_margins(model: HeaterModel, design: PidDesign) -> Margins | None:
@@ -382,7 +376,7 @@ def control_margins(model: HeaterModel, design: PidDesign) -> Margins | None:
     None if the dead time spans so many samples that the polynomials lose all digits. It does not treat a crossing at
     half the sampling frequency, where L is real, as a gain margin.
     """
-    if sample_plant(model, design.sample_time_s).delay > _MOST_DELAY:
+    if sample_plant(model, design.sample_time_s).delay > MOST_DELAY:
         return None
     import control
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING
 
 from heatertune.errors import InputError, UnknownName
 from heatertune.model.cooler_mirror import cools, mirror_heater
@@ -23,7 +23,12 @@ from heatertune.pid.values import PidDesign, Promise, Timer
 from heatertune.settings import STEP_POWER_PCT, TuneSettings
 from heatertune.units import check, written
 
-__all__ = ["METHODS", "STRUCTURES", "assessed_sampled", "settle", "tune"]
+if TYPE_CHECKING:
+    from typing import Unpack
+
+    from heatertune.keywords import TuneOptions
+
+__all__ = ["METHODS", "STRUCTURES", "assessed_sampled", "refuse_contradictions", "settle", "stated_problem", "tune"]
 
 STRUCTURES = options_of(TuneSettings)["structure"].choices
 METHODS = ("optimum", *RULES)
@@ -38,7 +43,8 @@ _WHOLE = 1e-9  # of a timer's step: rounding
 def tune(
     fitted: FittedModel, settings: TuneSettings | None = None, *, timer: Timer | None = None,
     derivative_filter: float = 0.5, resolution_degC: float = 0.0,
-    most_gain: Callable[[PidDesign], float] | None = None, progress: Callable[[str], object] = str, **changed: Any,
+    most_gain: Callable[[PidDesign], float] | None = None, progress: Callable[[str], object] = str,
+    **changed: Unpack[TuneOptions],
 ) -> PidDesign:
     """Find K, TN, TV and TA for a heater and all its candidate models.
 
@@ -69,13 +75,10 @@ def tune(
                       most_gain=most_gain, resolution_degC=resolution_degC, progress=progress)
         return replace(design, gain_pct_per_degC=-design.gain_pct_per_degC)
     method, structure, robust, closed_loop_s = asked.method, asked.structure, asked.robust, asked.closed_loop_s
-    _refuse_nonsense(asked)
+    refuse_contradictions(asked)
     plants, sample_time_s = fitted.plants, asked.sample_time_s
-    specs = Specs(ms=asked.ms, mt=asked.mt, mks=asked.mks, objective=asked.objective, weight=asked.weight)
+    specs = _specs(asked)
     specs.refuse_contradictions(plants, structure)
-    step = max(fitted.reading_step_degC, resolution_degC)
-    step_power_pct = STEP_POWER_PCT if asked.step_power_pct is None else asked.step_power_pct
-    step_power = step_power_pct / step if step > 0.0 else math.inf
     if sample_time_s == 0.0:
         return tune_continuous(
             fitted, method=method, structure=structure, specs=specs, closed_loop_s=closed_loop_s, robust=robust
@@ -83,10 +86,8 @@ def tune(
     check("derivative_filter", derivative_filter, least=0.0, most=0.99)
     if method == "optimum":
         refuse_boundless(plants, structure, asked.mks)
-    problem = Problem(
-        plants=plants, structure=structure, sample_time_s=sample_time_s or 1.0, derivative_filter=derivative_filter,
-        ms=specs.ms, mt=specs.mt, mks=specs.mks, objective=specs.objective, weight=specs.weight, step_power=step_power,
-    )
+    problem = replace(stated_problem(fitted, asked, sample_time_s or 1.0, resolution_degC=resolution_degC),
+                      derivative_filter=derivative_filter)
     if most_gain is not None:
         problem = replace(problem, most_gain=most_gain)
     one_round = (
@@ -110,12 +111,46 @@ def tune(
     return _finished(design, fitted, method, specs, notes)
 
 
+def stated_problem(
+    fitted: FittedModel, settings: TuneSettings, sample_time_s: float, *, resolution_degC: float = 0.0
+) -> Problem:
+    """Return the problem of the optimum for a heater and all its candidate models.
+
+    Args:
+        fitted: model and candidates.
+        settings: objective and limits.
+        sample_time_s: TA [s].
+        resolution_degC: of the controller's reading [°C]; 0 if unknown.
+
+    Raises:
+        InputError: a continuous design, which has no sampled problem.
+    """
+    if sample_time_s == 0.0:
+        raise InputError("a continuous design has no sampled problem: leave sample_time_s = 0 out")
+    specs, step = _specs(settings), max(fitted.reading_step_degC, resolution_degC)
+    step_power_pct = STEP_POWER_PCT if settings.step_power_pct is None else settings.step_power_pct
+    return Problem(
+        plants=fitted.plants, structure=settings.structure, sample_time_s=sample_time_s, ms=specs.ms, mt=specs.mt,
+        mks=specs.mks, objective=specs.objective, weight=specs.weight,
+        step_power=step_power_pct / step if step > 0.0 else math.inf)
+
+
+def _specs(settings: TuneSettings) -> Specs:
+    return Specs(ms=settings.ms, mt=settings.mt, mks=settings.mks, objective=settings.objective, weight=settings.weight)
+
+
 def _alone(problem: Problem, plant: HeaterModel) -> tuple[PidDesign, Callable[[PidDesign], float]]:
     own = replace(problem, plants=(plant,))
     return search(own), own.cost
 
 
-def _refuse_nonsense(asked: TuneSettings) -> None:
+def refuse_contradictions(asked: TuneSettings) -> None:
+    """Refuse settings that contradict each other, before anything is computed.
+
+    Raises:
+        UnknownName: no such method.
+        InputError: a closed-loop time of the optimum, or a limit on drawn heaters of a rule.
+    """
     if asked.method not in METHODS:
         raise UnknownName("tuning method", asked.method, METHODS)
     if asked.closed_loop_s is not None and asked.method == "optimum":

@@ -14,15 +14,23 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final
 
 from heatertune.errors import InputError, OutOfRange
 from heatertune.show import NotebookDisplay
 from heatertune.units import check
 
+if TYPE_CHECKING:
+    from control import TransferFunction
+
 __all__ = [
-    "Margins", "PidDesign", "Promise", "Settings", "Timer", "ideal_to_parallel", "ideal_to_series", "other_forms",
-    "series_to_ideal", "step_parts", "structure_of",
+    "DERIVATIVE_FILTER_N", "Margins", "PidDesign", "Promise", "Settings", "Timer", "ideal_to_parallel",
+    "ideal_to_series", "other_forms", "series_to_ideal", "step_parts", "structure_of",
 ]
+
+
+#: TV over the lag of the derivative filter of a continuous design; K. J. Åström and T. Hägglund use 8…20
+DERIVATIVE_FILTER_N: Final = 10.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -177,6 +185,31 @@ class PidDesign(NotebookDisplay):
         if self.structure != structure_of(self.integral_time_s, self.derivative_time_s):
             raise OutOfRange("structure", self.structure, "the one that TN and TV make")
 
+    def to_tf(self, *, continuous: bool = False) -> TransferFunction:
+        """Return the controller as python-control's transfer function, from error [°C] to power [%].
+
+        Args:
+            continuous: whether a sampled design is returned in s, with the derivative filter f as a lag of
+                f·TA/(1 − f), which backward differences turn into it; a design with TA = 0 always is, with the filter
+                TV/N of `heatertune.pid.continuous_loop`.
+        """
+        import control
+
+        ta, past = self.sample_time_s, self.derivative_filter
+        parts = control.tf([1.0], [1.0], *(() if continuous or ta == 0.0 else (ta,)))
+        if continuous or ta == 0.0:
+            lag = past * ta / (1.0 - past) if ta > 0.0 else self.derivative_time_s / DERIVATIVE_FILTER_N
+            if math.isfinite(self.integral_time_s):
+                parts = parts + control.tf([1.0], [self.integral_time_s, 0.0])
+            if self.derivative_time_s > 0.0:
+                parts = parts + control.tf([self.derivative_time_s, 0.0], [lag, 1.0])
+            return self.gain_pct_per_degC * parts
+        z = control.tf([1.0, 0.0], [1.0], ta)
+        if math.isfinite(self.integral_time_s):
+            parts = parts + (ta / self.integral_time_s) * z / (z - 1.0)
+        if self.derivative_time_s > 0.0:
+            parts = parts + ((1.0 - past) * self.derivative_time_s / ta) * (z - 1.0) / (z - past)
+        return self.gain_pct_per_degC * parts
 
     @property
     def step_power_pct_per_degC(self) -> float:

@@ -25,7 +25,7 @@ from heatertune.plc.pwm import Actuator
 from heatertune.plc.ramp import Number, Ramp, nearest
 from heatertune.plc.readback import ReadBack
 from heatertune.plc.single_precision import single
-from heatertune.plc.targets import COOLING, NAMES
+from heatertune.plc.targets import COOLING, NAMES, target_named
 from heatertune.plc.words import (
     Certificate,
     Cycle,
@@ -448,6 +448,7 @@ def controller_for(target: str) -> Controller:
     Raises:
         UnknownName: no such target.
     """
+    target = target_named(target) if target not in _CLASSES else target
     if target in NAMES:
         import_module(f"{NAMES[target]}.controller")
     if target not in _CLASSES:

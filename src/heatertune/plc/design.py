@@ -2,49 +2,66 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, replace
 from functools import partial
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from heatertune import cache
+from heatertune.errors import InputError
 from heatertune.model import document as model_document
-from heatertune.model.values import FittedModel
-from heatertune.options import merge_options
+from heatertune.model.transfer_functions import heater_from
+from heatertune.model.values import FittedModel, Fopdt, HeaterModel, TwoLag, model_by_hand
+from heatertune.options import Keywords, merge_options, split_options, with_options
 from heatertune.pid import document as pid_document
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, Words, controller_for
+from heatertune.plc.targets import target_named
 from heatertune.processors import ProgressCallback
-from heatertune.settings import TuneSettings
+from heatertune.settings import SensorSettings, TuneSettings
 
-__all__ = ["encode", "loop_fit", "tune"]
+if TYPE_CHECKING:
+    from typing import Unpack
+
+    from control import TransferFunction
+
+    from heatertune.keywords import TargetTuneOptions
+
+__all__ = ["encode", "loop_fit", "stated_scaling", "tune"]
 
 #: of a model's document, what is told and no design depends on
 _TOLD: Final = ("residuals", "notes", "hypotheses", "whiteness", "input_crosscorrelation", "held_out", "halves", "logs")
 
 
+@with_options(TuneSettings, SensorSettings)
 def tune(
-    fitted: FittedModel, settings: TuneSettings | None = None, *, target: str | None = None,
-    scaling: Scaling | None = None, progress: ProgressCallback = str, **changed: Any,
+    fitted: FittedModel | HeaterModel | TransferFunction, settings: TuneSettings | None = None, *,
+    target: str | None = None,
+    scaling: Scaling | None = None, progress: ProgressCallback = str, **changed: Unpack[TargetTuneOptions],
 ) -> PidDesign:
     """Find K, TN, TV and TA; with a target, TA is what its timer can do, and a reading as fine as its input's.
 
     With a target the loop that is tuned is the one that a proof judges: its input module's delay is part of it.
 
     Args:
-        fitted: the heater and its candidates.
+        fitted: the heater and its candidates; or a single heater, also as a transfer function of python-control, see
+            `Fopdt.from_tf`.
         settings: what is asked for; None: the defaults.
         target: the controller; None: any.
-        scaling: sensor range.
+        scaling: sensor range; None: as `range_degC` and `input` say.
         progress: told what begins.
-        changed: fields of `TuneSettings` that are other than in `settings`.
+        changed: fields of `TuneSettings` that are other than in `settings`, and of `SensorSettings`.
 
     Raises:
-        UnknownName, OutOfRange, InputError: as `heatertune.pid.tune.tune`.
+        UnknownName, OutOfRange, InputError: as `heatertune.pid.tune.tune`; both `scaling` and a sensor's fields.
     """
     from heatertune.pid.tune import tune as tune_model
 
-    asked = merge_options(TuneSettings, settings, changed)
+    named = ("settings", "target", "scaling", "progress")
+    tuning, sensing = split_options(changed, TuneSettings, SensorSettings, also=named)
+    asked, fitted = merge_options(TuneSettings, settings, tuning), _fitted_model(fitted)
+    target = None if target is None else target_named(target)
+    scaling = stated_scaling(target, scaling, sensing)
     held: dict[str, Any] = {}
     delay: list[str] = []
     most_gain: Callable[[PidDesign], float] | None = None
@@ -65,6 +82,40 @@ def tune(
 
     design = cache.load_or_compute("tune", inputs, run, pid_document.from_document, progress=progress)
     return replace(design, notes=(*design.notes, *delay))
+
+
+def _fitted_model(heater: FittedModel | HeaterModel | TransferFunction) -> FittedModel:
+    if isinstance(heater, FittedModel):
+        return heater
+    return model_by_hand(heater if isinstance(heater, Fopdt | TwoLag) else heater_from(heater))
+
+
+def stated_scaling(
+    target: str | None, scaling: Scaling | None, sensor: Keywords, *, also: Iterable[str] = ()
+) -> Scaling | None:
+    """Return the sensor range as its module gives it; None where nothing is said.
+
+    Args:
+        target: the controller, which a module's range needs.
+        scaling: the range as a value.
+        sensor: fields of `SensorSettings` instead.
+        also: other keywords of the function that was called.
+
+    Raises:
+        UnknownOption: no such field.
+        InputError: both, or a module's range without a target; as `heatertune.plc.inputs.sensor_scaling`.
+    """
+    settings = merge_options(SensorSettings, None, sensor, also=also)
+    if not sensor:
+        return scaling
+    if scaling is not None:
+        raise InputError(f"give scaling or {' and '.join(sensor)}, not both")
+    if settings.input is None:
+        low, high = settings.range_degC
+        return Scaling(low_degC=low, high_degC=high)
+    if target is None:
+        raise InputError("input needs a target: the ranges are its module's")
+    return controller_for(target).scaled(settings.input, settings.range_degC)
 
 
 def _essence(fitted: FittedModel) -> dict[str, Any]:

@@ -16,9 +16,11 @@ __all__ = [
     "GROUPS",
     "NAMES",
     "REPAIRED",
+    "SYNONYMS",
     "TARGETS",
     "Commissioning",
     "commissioning",
+    "target_named",
 ]
 
 
@@ -53,6 +55,20 @@ REPAIRED: Final[dict[str, str]] = {faithful: name for name, faithful in FAITHFUL
 #: every name on the command line → its package
 NAMES: Final[dict[str, str]] = TARGETS | {make: TARGETS[name] for name, makes in ALIKE.items() for make in makes} | {
     cooling: TARGETS[name] for name, cooling in COOLING.items()}
+
+
+#: what the hardware is called as well → its controller
+SYNONYMS: Final[dict[str, str]] = {
+    "ob251": "s5-ob251", "s5-115u": "s5-ob251", "s7-1200": "pid-compact", "s7-1500": "pid-compact",
+    "pid_compact": "pid-compact", "pid_temp": "pid-temp", "cont_c": "fb41", "e5cc": "omron-e5cc",
+    "pid_v1": "arduino-pid", "arduino": "arduino-pid",
+}
+
+
+def target_named(name: str) -> str:
+    """Return the target of a name in any case, or of what its hardware is called as well; others as they are."""
+    plain = name.lower()
+    return SYNONYMS.get(plain) or (plain if plain in NAMES else name)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

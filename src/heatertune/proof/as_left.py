@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Final, Literal, NamedTuple
+from typing import TYPE_CHECKING, Final, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -48,6 +48,11 @@ from heatertune.proof.runs import Runs
 from heatertune.proof.scenario import NewSetpoint, Scenario
 from heatertune.proof.trace import Trace
 from heatertune.units import count
+
+if TYPE_CHECKING:
+    from typing import Unpack
+
+    from heatertune.keywords import AsLeftOptions
 
 __all__ = ["AS_LEFT_SCHEMA", "AsLeft", "Foretold", "Measurement", "Outside", "as_left", "foretold", "foretold_mid_way"]
 
@@ -315,7 +320,7 @@ class AsLeft:
 
 def as_left(
     log: Log, words: Words, fitted: FittedModel, proof: ProofView, settings: AsLeftSettings | None = None, *,
-    progress: ProgressCallback = str, **changed: float,
+    progress: ProgressCallback = str, **changed: Unpack[AsLeftOptions],
 ) -> AsLeft:
     """Return a trace of the commissioned loop beside what was proven of its words.
 

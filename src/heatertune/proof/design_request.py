@@ -12,6 +12,7 @@ from heatertune.plc import Scaling, Words, controller_for
 from heatertune.plc.controller import with_cooling
 from heatertune.plc.design import tune
 from heatertune.plc.pwm import tick_for
+from heatertune.plc.targets import target_named
 from heatertune.plc.word_selection import WordChoice, choose_words, tune_for_words
 from heatertune.plc.words import with_pwm_period
 from heatertune.processors import ProgressCallback
@@ -104,6 +105,7 @@ class DesignRequest(WordSettings):
 
     def __post_init__(self) -> None:
         WordSettings.__post_init__(self)
+        object.__setattr__(self, "target", target_named(self.target))
         if self.sample_settings.samples is not None:
             demand_none(self.conditions.interlock)
 

@@ -198,6 +198,11 @@ class Proof(NotebookDisplay):
     samples: SampleProof | None = None
     mains: tuple[MainsScenario, ...] = ()
 
+    def __repr__(self) -> str:
+        """Return target, verdict and setpoint in one line; `summary()` has the rest."""
+        return (f"<Proof {self.verdict} of {self.words.target} at {self.scenario.setpoint_degC:.4g} °C in "
+                f"{len(self.runs)} runs>")
+
     def __post_init__(self) -> None:
         if not (self.runs and self.criteria):
             raise InputError("runs: none; a proof needs at least one run")

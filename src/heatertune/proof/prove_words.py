@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
-from typing import Any, Final
+from typing import TYPE_CHECKING, Final
 
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.cooler_mirror import cools
 from heatertune.model.values import FitOutcome, FittedModel, HeaterModel
-from heatertune.options import merge_options
+from heatertune.options import merge_options, with_options
 from heatertune.pid.sampled_loop import margins
 from heatertune.plc import Words, controller_for
 from heatertune.plc.controller import with_cooler
@@ -42,6 +42,11 @@ from heatertune.proof.test_sequence import LoopTiming, SequencePlan, story_for
 from heatertune.proof.verdict import FitDiagnostics
 from heatertune.settings import Conditions, TuneSettings
 
+if TYPE_CHECKING:
+    from typing import Unpack
+
+    from heatertune.keywords import ConditionOptions
+
 __all__ = [
     "actuator_for", "course_for", "default_pwm_period_s", "every_setpoint", "limits_of", "prove", "setpoints_for",
     "told_of_aim", "tune_settings_for",
@@ -54,11 +59,12 @@ _OF_BAND: Final = 0.5
 _IN_BANDS: Final = 2.0
 
 
+@with_options(Conditions)
 def prove(
     words: Words, fitted: FittedModel, conditions: Conditions | None = None, *, first_look: bool = False,
     only: Sequence[Run] | None = None, night: str | None = None, night_times: float = 1.0,
     progress: ProgressCallback = str,
-    **changed: Any,
+    **changed: Unpack[ConditionOptions],
 ) -> Proof:
     """Run the words in the closed loop on every candidate model, under every open point of the manual.
 
@@ -82,7 +88,7 @@ def prove(
         OutOfRange: as `heatertune.proof.prove_models`.
         UnknownName: no such interlock, switch or setting, or no finding to accept.
     """
-    asked = merge_options(Conditions, conditions, changed)
+    asked = merge_options(Conditions, conditions, changed, also=("conditions", "first_look", "only", "progress"))
     if asked.interlock is not None and cools(fitted):
         raise InputError("an interlock switches off a heater that gets too hot; for a cooler leave --interlock out")
     setpoint, farthest = setpoints_for(fitted, asked)

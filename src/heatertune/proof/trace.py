@@ -46,6 +46,11 @@ class Trace(NotebookDisplay):
             true ones, at any instant, not the sensor's, and the setpoint is the one asked for, also during a ramp.
     """
 
+    def __repr__(self) -> str:
+        """Return what was simulated in one line; `summary()` has the rest."""
+        who = "an ideal controller" if self.words is None else self.words.target
+        return f"<Trace of {who} at {self.scenario.setpoint_degC:.4g} °C: {len(self.time_s)} scans>"
+
     time_s: Array
     temperature_degC: Array
     reading_degC: Array

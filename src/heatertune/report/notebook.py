@@ -21,11 +21,12 @@ from heatertune.proof.verdict import verdict_line
 from heatertune.report.cards import card, draw_figure, panels
 from heatertune.report.layout import table
 from heatertune.report.text import criteria_table, design_lines, figure, model_lines
+from heatertune.report.verdict_summary import model_brief, verify_brief
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["card", "plot", "summary"]
+__all__ = ["card", "plot", "summary", "whole_summary"]
 
 
 def plot(value: object, ax: Axes | None = None) -> Axes:
@@ -38,13 +39,28 @@ def plot(value: object, ax: Axes | None = None) -> Axes:
     return ax
 
 
+def summary(value: object, *, verbose: bool = False) -> str:
+    """Return a value of the chain as lines of text; raise TypeError for any other.
+
+    Args:
+        value: of the chain.
+        verbose: all there is to say, not one screen with the point first.
+    """
+    if not verbose and isinstance(value, FittedModel):
+        brief = model_brief(plain(model_document.to_document(value)))
+        return f"{value!r}\n\n{brief}".replace("--verbose", "summary(verbose=True)")
+    if not verbose and isinstance(value, Proof):
+        return verify_brief(plain(value.to_document()))
+    return whole_summary(value)
+
+
 @singledispatch
-def summary(value: object) -> str:
-    """Return a value of the chain as lines of text; raise TypeError for any other."""
+def whole_summary(value: object) -> str:
+    """Return all there is to say of a value of the chain; raise TypeError for any other."""
     raise TypeError(f"no summary of a {type(value).__name__}")
 
 
-@summary.register
+@whole_summary.register
 def _log(value: Log) -> str:
     def span(column: np.ndarray | None, unit: str) -> str:
         return "not logged" if column is None else f"{figure(np.min(column))} … {figure(np.max(column))} {unit}"
@@ -56,17 +72,17 @@ def _log(value: Log) -> str:
     return "\n".join([f"log {value.name}", table(rows), *(f"- {note}" for note in notes)])
 
 
-@summary.register
+@whole_summary.register
 def _model(value: FittedModel) -> str:
     return model_lines(plain(model_document.to_document(value)))
 
 
-@summary.register
+@whole_summary.register
 def _design(value: PidDesign) -> str:
     return design_lines(plain(pid_document.to_document(value)))
 
 
-@summary.register
+@whole_summary.register
 def _words(value: Words) -> str:
     controller = controller_for(value.target)
     heads, values, rows = typed_table(typed_words(value))
@@ -76,13 +92,13 @@ def _words(value: Words) -> str:
     return "\n".join([controller.title, shown, called, *(f"! {fault}" for fault in faults)])
 
 
-@summary.register
+@whole_summary.register
 def _proof(value: Proof) -> str:
     document = plain(value.to_document())
     return f"{verdict_line(document)}\n{criteria_table(document)}"
 
 
-@summary.register
+@whole_summary.register
 def _trace(value: Trace) -> str:
     low, high = np.min(value.temperature_degC), np.max(value.temperature_degC)
     who = "ideal controller" if value.words is None else value.words.target

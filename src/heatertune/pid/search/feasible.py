@@ -39,7 +39,7 @@ from heatertune.pid.sampled_loop import (
 from heatertune.pid.specs import ROOM, Specs
 from heatertune.pid.values import PidDesign, step_parts, structure_of
 
-__all__ = ["Problem", "keeps", "largest_gain", "polish", "search"]
+__all__ = ["NonlinearProgram", "Problem", "keeps", "largest_gain", "nonlinear_program", "polish", "search"]
 
 
 _PIECES: Final = 4  # stable pieces tried, from the top
@@ -336,12 +336,126 @@ def polish(problem: Problem, start: PidDesign) -> tuple[PidDesign, str]:
     """
     if problem.objective == "ki":
         return start, "IPOPT was not used: TN/K needs no simulation, and the feasible-set search is exact."
+    try:
+        program = nonlinear_program(problem, start)
+    except _NoProgram as why:
+        return start, f"IPOPT was not used: {why}; the result of the feasible-set search is used."
+    answer, status = program.run_ipopt(program.cost, [])
+    if status not in _SOLVED:
+        return start, f"IPOPT stopped with {status}; the result of the feasible-set search is used."
+    polished = _on_the_limit(problem, start, answer)
+    if not keeps(problem, polished):
+        return start, "IPOPT ended at infeasible gains; the result of the feasible-set search is used."
+    change = 100.0 * (program.cost_at(answer) / program.cost_at(program.start) - 1.0)
+    comparison = f"IPOPT ended {abs(change):.1f} % {'below' if change < 0 else 'above'} the feasible-set search's cost."
+    if problem.objective == "ise":
+        return polished, comparison
+    return min((start, polished), key=problem.cost), comparison
+
+
+_PATIENT: Final = 1000  # iterations of a changed problem, whose start may be far away
+#: of IPOPT, where it ended as it should
+_SOLVED: Final = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
+
+
+class _NoProgram(InputError):
+    """Raised where no nonlinear program can be made."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class NonlinearProgram:
+    """The problem behind the optimum, in the symbols of CasADi: minimise `cost` with every one of `limits` >= 0.
+
+    Attributes:
+        problem: in numbers.
+        unknowns: ln K, ln TN and, of a PID, ln TV, shape (2,) or (3,).
+        gain_pct_per_degC: K as an expression of them [%/°C].
+        integral_time_s: TN likewise [s].
+        derivative_time_s: TV likewise [s].
+        cost: mean of the objective over the heaters, in its unit.
+        limits: distance from each limit, not negative where it is kept.
+        start: unknowns of the design at which it begins, shape as of `unknowns`.
+        lowest: bounds of the unknowns, shape as of `unknowns`.
+        highest: likewise.
+    """
+
+    problem: Problem
+    unknowns: Any
+    gain_pct_per_degC: Any
+    integral_time_s: Any
+    derivative_time_s: Any
+    cost: Any
+    limits: Any
+    start: Array
+    lowest: Array
+    highest: Array
+
+    def solve(self, *, cost: Any = None, limits: Iterable[Any] = ()) -> PidDesign:
+        """Return the design at which IPOPT ends.
+
+        Args:
+            cost: another one, positive, an expression of the symbols here; None: that of the problem.
+            limits: further ones, expressions that must not be negative.
+
+        Raises:
+            InputError: IPOPT found no optimum; the error names its status.
+        """
+        answer, status = self.run_ipopt(self.cost if cost is None else cost, list(limits), most_iterations=_PATIENT)
+        if status not in _SOLVED:
+            raise InputError(f"IPOPT ended with {status}: relax a limit, or begin with another design")
+        gain, integral, *derivative = np.exp(answer)
+        design = self.problem.design(float(gain), float(integral), float(derivative[0]) if derivative else 0.0)
+        return replace(design, method="optimum of a nonlinear program (IPOPT)")
+
+    def cost_at(self, unknowns: Array) -> float:
+        """Return the cost at values of the unknowns, shape (2,) or (3,)."""
+        import casadi as ca
+
+        return float(ca.Function("f", [self.unknowns], [self.cost])(unknowns))
+
+    def run_ipopt(self, cost: Any, limits: list[Any], *, most_iterations: int = 60) -> tuple[Array, str]:
+        """Return the unknowns at which IPOPT ends, shape (2,) or (3,), and its status.
+
+        Args:
+            cost: as of `solve`.
+            limits: as of `solve`.
+            most_iterations: after so many it gives up.
+        """
+        import casadi as ca
+
+        nlp = {"x": self.unknowns, "f": ca.log(cost), "g": ca.vertcat(self.limits, *limits)}
+        solver = ca.nlpsol(
+            "tune", "ipopt", nlp,
+            {"ipopt.print_level": 0, "print_time": 0, "ipopt.sb": "yes", "ipopt.tol": 1e-6,
+             "ipopt.max_iter": most_iterations,
+             "ipopt.hessian_approximation": "limited-memory",
+             "ipopt.mumps_pivot_order": 0,  # AMD: the matrix is an arrow, and METIS takes as long again as all the rest
+             "no_nlp_grad": True},  # CasADi's own gradient, which is not needed
+        )
+        answer = solver(x0=self.start, lbg=0.0, ubg=ca.inf, lbx=self.lowest, ubx=self.highest)
+        return np.asarray(answer["x"]).ravel(), str(solver.stats()["return_status"])
+
+
+def nonlinear_program(problem: Problem, start: PidDesign) -> NonlinearProgram:
+    """Return the problem in the symbols of CasADi, to begin at a feasible design.
+
+    Args:
+        problem: models, objective and limits.
+        start: a design within the limits.
+
+    Raises:
+        InputError: CasADi is not installed; a P controller; the objective ki; a dead time of too many samples.
+    """
+    if problem.objective == "ki" or problem.structure == "p":
+        raise _NoProgram("the objective ki and a P controller need no program: their search is exact")
     plants = [sample_plant(model, problem.sample_time_s) for model in problem.limited]
     longest = max(plant.delay for plant in plants)
     if longest > _MOST_DELAY:
-        return start, (f"IPOPT was not used: the dead time spans {longest} samples; the result of the feasible-set "
-                       "search is used.")
-    import casadi as ca
+        raise _NoProgram(f"the dead time spans {longest} samples")
+    try:
+        import casadi as ca
+    except ImportError as missing:
+        raise _NoProgram("CasADi is not installed (pip install casadi)") from missing
 
     unknowns = ca.SX.sym("x", 3 if problem.structure == "pid" else 2)
     gain, integral = ca.exp(unknowns[0]), ca.exp(unknowns[1])
@@ -354,31 +468,13 @@ def polish(problem: Problem, start: PidDesign) -> tuple[PidDesign, str]:
     if math.isfinite(problem.step_power):
         parts = 1.0 + settings[1] + (1.0 - problem.derivative_filter) * settings[2]
         limits.append(1.0 - gain * parts / problem.step_power)
-    cost = problem.sample_time_s * sum(costs) / len(costs)
-    nlp = {"x": unknowns, "f": ca.log(cost), "g": ca.vertcat(*limits)}
-    solver = ca.nlpsol(
-        "tune", "ipopt", nlp,
-        {"ipopt.print_level": 0, "print_time": 0, "ipopt.sb": "yes", "ipopt.max_iter": 60, "ipopt.tol": 1e-6,
-         "ipopt.hessian_approximation": "limited-memory",
-         "ipopt.mumps_pivot_order": 0,  # AMD: the matrix is an arrow, and METIS takes as long again as all the rest
-         "no_nlp_grad": True},  # CasADi's own gradient, which is not needed
-    )
     first = _vector(start, problem.structure)
-    value = ca.Function("f", [unknowns], [cost])
     highest = first + 1.0
     highest[0] = min(highest[0], max(math.log(problem.most_gain(start)), first[0]))
-    answer = solver(x0=first, lbg=0.0, ubg=ca.inf, lbx=first - 1.0, ubx=highest)
-    if not solver.stats()["success"]:
-        return start, (f"IPOPT stopped with {solver.stats()['return_status']}; the result of the "
-                       "feasible-set search is used.")
-    polished = _on_the_limit(problem, start, np.asarray(answer["x"]).ravel())
-    if not keeps(problem, polished):
-        return start, "IPOPT ended at infeasible gains; the result of the feasible-set search is used."
-    change = 100.0 * (float(value(answer["x"])) / float(value(first)) - 1.0)
-    comparison = f"IPOPT ended {abs(change):.1f} % {'below' if change < 0 else 'above'} the feasible-set search's cost."
-    if problem.objective == "ise":
-        return polished, comparison
-    return min((start, polished), key=problem.cost), comparison
+    return NonlinearProgram(
+        problem=problem, unknowns=unknowns, gain_pct_per_degC=gain, integral_time_s=integral,
+        derivative_time_s=derivative, cost=problem.sample_time_s * sum(costs) / len(costs), limits=ca.vertcat(*limits),
+        start=first, lowest=first - 1.0, highest=highest)
 
 
 def _vector(design: PidDesign, structure: str) -> Any:

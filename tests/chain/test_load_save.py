@@ -1,0 +1,94 @@
+"""Values are saved and loaded again, and are the same: log, model, design, parameters, proof."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.conftest import heater_log
+
+import heatertune as ht
+from heatertune.errors import DocumentError, InputError
+from heatertune.plc.ramp import Boost, Ramp
+
+
+@pytest.fixture(scope="module")
+def values(tmp_path_factory):
+    file = tmp_path_factory.mktemp("saved") / "zone.csv"
+    file.write_text(heater_log(0.5, 1), encoding="utf-8")
+    log = ht.read_log(file)
+    model = ht.fit(log)
+    design = ht.tune(model, target="s5-ob251")
+    words = ht.encode(design, "s5-ob251", model)
+    return {"log": log, "model": model, "design": design, "words": words, "proof": ht.prove(words, model)}
+
+
+@pytest.mark.parametrize("name", ["log", "model", "design", "words", "proof"])
+def test_what_is_loaded_gives_the_document_that_was_saved(values, name, tmp_path):
+    path = values[name].save(tmp_path / f"{name}.json")
+    back = ht.load(path)
+    if name == "proof":
+        assert (back.verdict, back.digest) == (values[name].verdict, values[name].to_dict()["digest"])
+        return
+    assert type(back) is type(values[name])
+    assert back.to_dict() == values[name].to_dict()
+    if name in ("design", "words"):
+        assert back == values[name]
+
+
+def test_a_fit_of_a_loaded_log_is_the_fit_of_the_log(values, tmp_path):
+    back = ht.load(values["log"].save(tmp_path / "log.json"))
+    assert back.taken == values["log"].taken
+    assert np.array_equal(back.time_s, values["log"].time_s)
+    assert ht.fit(back).to_dict() == values["model"].to_dict()
+
+
+@pytest.mark.parametrize("changed", [{"ramp": (5, 2)}, {"boost": (3.0, 4.0)}], ids=["ramp", "boost"])
+def test_parameters_with_a_ramp_or_a_boost_come_back_with_it(values, changed, tmp_path):
+    words = replace(values["words"], ramp=Ramp(step=5, calls=2)) if "ramp" in changed else values["words"].with_boost(
+        Boost(within_degC=3.0, again_degC=4.0))
+    assert ht.load(words.save(tmp_path / "words.json")) == words
+
+
+def test_the_files_of_design_are_loaded_but_for_its_log_which_has_not_all(values, tmp_path):
+    request = ht.DesignRequest(target="s5-ob251")
+    result = ht.design(values["log"], request, out=tmp_path)
+    data = tmp_path / "data"
+    assert ht.load(data / "model.json").to_dict() == result.fitted_model.to_dict()
+    assert ht.load(data / "words.json") == result.outcome.proof.words
+    assert ht.load(data / "proof.json").verdict == result.outcome.proof.verdict
+    with pytest.raises(DocumentError, match=r"read_log reads a log's file"):
+        ht.load(data / "log.json")
+
+
+def test_what_is_no_document_and_a_name_that_is_no_json_are_refused(values, tmp_path):
+    (tmp_path / "other.json").write_text(json.dumps({"schema": "other/1"}), encoding="utf-8")
+    with pytest.raises(DocumentError, match=r"other/1; expected a model\.json"):
+        ht.load(tmp_path / "other.json")
+    with pytest.raises(InputError, match=r"ends in \.json"):
+        values["model"].save(tmp_path / "model.csv")
+    with pytest.raises(InputError, match="no document of a Trace"):
+        values["proof"].trace(0).to_dict()
+
+
+def test_values_are_tables_of_pandas(values):
+    pytest.importorskip("pandas")
+    model, words, proof = (values[name].to_frame() for name in ("model", "words", "proof"))
+    assert model["parameter"].tolist() == ["gain_degC_per_pct", "time_constant_s", "dead_time_s", "ambient_degC"]
+    assert model["value"].iloc[0] == values["model"].model.gain_degC_per_pct
+    assert dict(zip(words["parameter"], words["value"], strict=True)) == dict(values["words"].values)
+    assert len(proof) == len(values["proof"].criteria)
+    assert values["design"].to_frame()["gain_pct_per_degC"].iloc[0] == values["design"].gain_pct_per_degC
+    assert len(values["log"].to_frame()) == len(values["log"].time_s)
+
+
+def test_a_value_is_shown_in_one_line_and_its_summary_begins_with_the_point(values):
+    for value in (*values.values(), values["proof"].trace(0)):
+        assert "\n" not in repr(value)
+    for name, most in (("log", 200), ("model", 200), ("proof", 120)):
+        assert len(repr(values[name])) < most
+    assert repr(values["proof"]).startswith(f"<Proof {values['proof'].verdict} of s5-ob251 at")
+    assert values["model"].summary().splitlines()[0] == repr(values["model"])
+    assert values["proof"].summary().startswith(values["proof"].verdict)
+    assert len(values["model"].summary().splitlines()) <= 30
+    assert set(values["model"].notes) <= {line.removeprefix("- ") for line in values["model"].summary(verbose=True).splitlines()}
