@@ -132,7 +132,8 @@ def _columns(log: Log) -> dict[str, Any]:
     names = ("name", "time_s", "temperature_degC", "power_pct", "setpoint_degC", "rests_at_degC", "disturbance",
              "cooling_pct", "ambient_degC", "power_late_s")
     taken = None if log.taken is None else (
-        log.taken.line, log.taken.repaired_share, sorted(log.taken.stated), dict(log.taken.assumed))
+        log.taken.line, log.taken.repaired_share, sorted(log.taken.stated), dict(log.taken.assumed),
+        log.taken.moving_heaters)
     return {name: getattr(log, name) for name in names} | {"taken": taken}
 
 
