@@ -13,7 +13,7 @@ import heatertune
 
 SOURCE = ROOT / "src" / "heatertune"
 #: in the order of their imports: each may import the core and those before it
-EXTRAS = ("loops", "supervision", "batch", "live", "studio")
+EXTRAS = ("loops", "supervision", "batch", "zones", "live", "studio")
 #: files of the core that name modules of the extras → why
 NAMING_EXTRAS = {
     "cli/command_table.py": "the one table through which the command line reaches the extras' commands",

@@ -1,6 +1,6 @@
 """The commands: where each is, and which options its `--help` shows; `--help-all` shows the others, too.
 
-This is the one place in the core that names modules of the extras: batch, live, studio, supervision.
+This is the one place in the core that names modules of the extras: batch, live, studio, supervision, zones.
 """
 
 from __future__ import annotations
@@ -9,11 +9,13 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 if TYPE_CHECKING:
+    from argparse import Namespace
     from collections.abc import Callable, Sequence
 
     from heatertune.proof.difference import WriteHistory
 
-__all__ = ["COMMAND_MODULES", "FIRST_OPTIONS", "Command", "command", "current_options", "written_in"]
+__all__ = ["COMMAND_MODULES", "FIRST_OPTIONS", "Command", "command", "current_options", "design_zones",
+           "written_in"]
 
 #: command, in the order of the help → its module in heatertune
 COMMAND_MODULES: Final = {
@@ -125,6 +127,11 @@ def current_options(arguments: Sequence[str]) -> list[str]:
     names = _RENAMED | _RENAMED_IN.get(arguments[0] if arguments else "", {})
     options = (each.partition("=") for each in arguments)
     return [f"{names.get(option, option)}{equals}{value}" for option, equals, value in options]
+
+
+def design_zones(settings: Namespace) -> int:
+    """Run `design --zones`; return its exit status."""
+    return int(import_module("heatertune.zones.command").run(settings))
 
 
 def written_in(paths: Sequence[str], directory: str) -> WriteHistory:

@@ -220,5 +220,5 @@ def _changing_power(sheet: Sheet, i: int) -> Array | None:
     return values if np.ptp(values) > 0.0 else None
 
 
-def _are_same(power: Array, other: Array) -> bool:
-    return abs(float(np.corrcoef(power, other)[0, 1])) > _SAME
+def _are_same(power: Array, second: Array) -> bool:
+    return abs(float(np.corrcoef(power, second)[0, 1])) > _SAME

@@ -1,0 +1,21 @@
+"""Heaters that belong together: one thermal network, tuned and proven as one, with the words of each zone.
+
+`read_zones` reads a log, `fit_network` identifies the network, and `design_zones` tunes and proves all zones together.
+"""
+
+from typing import TYPE_CHECKING
+
+from heatertune.lazy import lazy_attributes
+
+__all__ = ["ThermalNetwork", "ZoneLog", "design_zones", "fit_network", "network_by_hand", "prove_zones", "read_zones"]
+
+if TYPE_CHECKING:
+    from heatertune.zones.identify import ZoneLog, fit_network, network_by_hand, read_zones
+    from heatertune.zones.joint_proof import design_zones, prove_zones
+    from heatertune.zones.network import ThermalNetwork
+
+__getattr__, __dir__ = lazy_attributes(__name__, {
+    "zones.identify": ("ZoneLog", "fit_network", "network_by_hand", "read_zones"),
+    "zones.joint_proof": ("design_zones", "prove_zones"),
+    "zones.network": ("ThermalNetwork",),
+})
