@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any, Protocol, overload, runtime_checkable
 
 from heatertune import cache
 from heatertune.errors import ExportRefused, InputError
@@ -33,16 +33,33 @@ if TYPE_CHECKING:
 __all__ = ["encode", "export", "fit", "fit_known", "fit_together"]
 
 
+@runtime_checkable
+class SeveralZones(Protocol):
+    """A log of several heaters that exchange heat, which knows how to identify them."""
+
+    def fit_zones(self, **settings: Any) -> Any:
+        """Return the thermal network of the zones."""
+
+
+@overload
+def fit(data: SeveralZones, **changed: Any) -> Any: ...
+@overload
 def fit(
     data: Log | str | Path | IO[Any] | DataFrame | tuple[npt.ArrayLike, ...], settings: FitSettings | None = None, *,
     thorough: bool = False, companions: bool = True, progress: ProgressCallback = str, **changed: Any,
-) -> FittedModel:
+) -> FittedModel: ...
+def fit(
+    data: Log | SeveralZones | str | Path | IO[Any] | DataFrame | tuple[npt.ArrayLike, ...],
+    settings: FitSettings | None = None, *,
+    thorough: bool = False, companions: bool = True, progress: ProgressCallback = str, **changed: Any,
+) -> Any:
     """Identify the heater of a log; without power, the fit simulates the paper's control laws.
 
     Args:
         data: a log, or what `heatertune.log.read.log_of` makes one of: a path or built-in name, an open file, a
             table
-            of pandas, arrays (time_s, temperature_degC, power_pct), all of shape (n,).
+            of pandas, arrays (time_s, temperature_degC, power_pct), all of shape (n,); of a log of several zones (see
+            `heatertune.zones.read_zones`) the result is their thermal network, `heatertune.zones.FittedNetwork`.
         settings: additional knowledge about the heater and the log; None: nothing.
         thorough: fit every controller hypothesis completely, even if it is far behind.
         companions: whether the candidates of other built-in logs of the same heater are added, as `design` does.
@@ -52,6 +69,8 @@ def fit(
     Raises:
         InputError, OutOfRange: as `heatertune.model.fit.fit` and `log_of`.
     """
+    if isinstance(data, SeveralZones):
+        return data.fit_zones(**changed)
     asked, log = merge_options(FitSettings, settings, changed), log_of(data)
     fitted = _fit_one(log, asked, progress, thorough=thorough)
     if not companions:
