@@ -104,9 +104,8 @@ def _parameters(proof: JointProof) -> str:
 
 
 def _brief(proof: JointProof) -> str:
-    kept = {each.name for each in proof.criteria if each.ok}
-    return "\n".join(line for line in proof.summary().splitlines() if line.partition("]:")[0] + "]" not in kept
-                     and line.partition(":")[0] not in kept)
+    kept = tuple(f"{each.name}: " for each in proof.criteria if each.ok)
+    return "\n".join(line for line in proof.summary().splitlines() if not line.startswith(kept))
 
 
 def to_document(proof: JointProof) -> Mapping[str, object]:
