@@ -26,6 +26,7 @@ from heatertune.proof.criteria import LoopLimits
 from heatertune.proof.heaters import MAINS_POWERS, RESERVE_PCT
 from heatertune.proof.prove_words import actuator_for
 from heatertune.proof.spec_file import specification_of
+from heatertune.proof.verdict import FitDiagnostics
 from heatertune.settings import Conditions
 from heatertune.units import check
 from heatertune.zones.identify import FittedNetwork
@@ -43,6 +44,7 @@ _DECAY: Final = 200.0  # the loop has settled where its slowest motion is so man
 _BEYOND: Final = 1.1  # times the logged rise that a setpoint may be above the ambient
 _IDLE_PCT: Final = 1.0  # power that a zone needs at least to hold its setpoint
 _NOT_TESTED: Final = ("a sensor that breaks", "mains that change while the zones run", "a setpoint profile")
+_COOLS: Final = 3.0  # time constants in which an overheated zone cools down
 _ORDERS: Final = 100  # of the zones' pulses tried at random
 _ATTEMPTS: Final = 4  # designs that are proven, each detuned further
 
@@ -188,14 +190,15 @@ class JointProof:
         lines += [f"{each.name}: {each.value:.4g} of {each.limit:.4g} ({each.where})"
                   for each in self.criteria if each.ok]
         peak = "" if self.peak_kw is None else f", {self.peak_kw:.4g} kW"
-        lines.append(f"heaters on at once while the setpoints are held: at most {self.peak_heaters}{peak}; "
-                     f"⌈Σ duty⌉ = {self.heaters_bound}, kept in {100.0 * self.bound_share:.4g} % of the PWM periods")
+        lines.append(f"heaters on at once while the setpoints are held: at most {self.peak_heaters}{peak}; the duties "
+                     f"need {self.heaters_bound}, kept in {100.0 * self.bound_share:.4g} % of the PWM periods")
         return "\n".join(lines)
 
     def certificate(self) -> Certificate:
         """Return what each export says about this proof."""
+        kept = tuple(f"{each.name}: " for each in self.criteria if each.ok)
         lines = (f"proven together with the other zones: {', '.join(self.fitted.network.zones)}",
-                 *self.summary().splitlines()[1:])
+                 *(line for line in self.summary().splitlines()[1:] if not line.startswith(kept)))
         return Certificate(verdict=self.verdict, lines=lines, forced=self.verdict != "PASS", actuator=self.actuator)
 
 
@@ -286,6 +289,7 @@ def prove_zones(
         InputError, OutOfRange, UnknownName: as `heatertune.zones.joint_loop.run_zones` and `actuator_for`.
     """
     asked = conditions or Conditions()
+    FitDiagnostics(accepted=asked.accept)  # refuses a name that blocks nothing
     for name, setpoint in zip(fitted.network.zones, specification.setpoints_degC, strict=True):
         low, high = design.words[0].scaling.sensor_degC
         if not low < setpoint < high:
@@ -492,8 +496,10 @@ class _Prover:
             holdable = kind == "off" and self._can_hold(network, others)
             events += [ZoneEvent(now, kind, zone), ZoneEvent(now + lasts, ends, zone)]
             phases += [_Phase(f"others with the zone {kind}", zone, now, now + lasts, idle=(zone,))] if holdable else []
-            phases.append(_Phase(f"after the zone was {kind}", zone, now + lasts, now + lasts + 1.5 * wait))
-            now += lasts + 1.5 * wait
+            again = 1.5 * wait + {"open": 0.0, "off": self._heat_up_s(network) - wait,
+                                  "stuck": _COOLS * max(network.time_constants_s)}[kind]
+            phases.append(_Phase(f"after the zone was {kind}", zone, now + lasts, now + lasts + again))
+            now += lasts + again
         return now
 
     def _in_turn(
