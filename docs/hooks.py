@@ -29,7 +29,7 @@ COMMON = "common"
 FOLDERS = "controllers"
 ROOMS = ("chain", "log", "heater", "model", "pid", "plc", FOLDERS, "proof", "redesign", "lanes", "supervision",
          "report",
-         "batch", "loops", "live", COMMON)
+         "batch", "loops", "zones", "live", COMMON)
 #: room → its folder, where that has another name
 _FOLDERS = {FOLDERS: "plc", "redesign": "proof/redesign", "lanes": "proof/lanes"}
 #: what is no folder of its own → what it is for

@@ -25,7 +25,7 @@ __all__ = [
     "Scaling", "Scenario", "TemperatureStep", "TuneSettings", "TwoLag", "Words", "alternatives", "choose_words",
     "compare", "controller", "decode", "design", "draw_heaters", "encode", "export", "fit", "fit_known",
     "fit_together", "fleet", "front", "iae_load", "load", "loop", "margins", "model_by_hand", "plan", "problem",
-    "prove", "read_log", "replay_document", "sample_document", "simulate", "study", "tune", "validate", "virtual_plc",
+    "prove", "read_log", "read_zones", "replay_document", "sample_document", "simulate", "study", "tune", "validate", "virtual_plc",
     "write_report",
 ]
 
@@ -65,6 +65,7 @@ if TYPE_CHECKING:
     from heatertune.proof.monte_carlo.run import replay_document, sample_document
     from heatertune.proof.redesign import DesignRequest
     from heatertune.settings import Conditions, FitSettings, ReadSettings, TuneSettings
+    from heatertune.zones import read_zones
 
 
 # `heatertune --help` needs none of them
@@ -92,6 +93,7 @@ __getattr__, __dir__ = lazy_attributes(__name__, {
     "proof.redesign": ("DesignRequest",),
     "proof.monte_carlo.run": ("replay_document", "sample_document"),
     "settings": ("Conditions", "FitSettings", "ReadSettings", "TuneSettings"),
+    "zones": ("read_zones",),
 })
 
 

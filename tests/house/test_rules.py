@@ -13,11 +13,11 @@ import heatertune
 
 SOURCE = ROOT / "src" / "heatertune"
 #: in the order of their imports: each may import the core and those before it
-EXTRAS = ("loops", "supervision", "batch", "live", "studio")
+EXTRAS = ("loops", "supervision", "batch", "zones", "live", "studio")
 #: files of the core that name modules of the extras → why
 NAMING_EXTRAS = {
     "cli/command_table.py": "the one table through which the command line reaches the extras' commands",
-    "__init__.py": "the Python package offers fleet, study and virtual_plc",
+    "__init__.py": "the Python package offers fleet, study, virtual_plc and read_zones",
 }
 STAGES = ("heater", "log", "model", "pid", "plc", "proof", "report")
 FREE = ("arrays", "units", "terms", "errors", "options", "keywords", "settings", "codec", "writing", "cache", "compiled", "lazy", "show",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, Literal
+from typing import IO, TYPE_CHECKING, Any, Literal, Protocol, overload, runtime_checkable
 
 from heatertune import cache
 from heatertune.errors import ExportRefused, InputError
@@ -39,18 +39,36 @@ if TYPE_CHECKING:
 __all__ = ["encode", "export", "fit", "fit_known", "fit_together"]
 
 
-@with_options(FitSettings, ReadSettings)
+@runtime_checkable
+class SeveralZones(Protocol):
+    """A log of several heaters that exchange heat, which knows how to identify them."""
+
+    def fit_zones(self, **settings: Any) -> Any:
+        """Return the thermal network of the zones."""
+
+
+@overload
+def fit(data: SeveralZones, **changed: Any) -> Any: ...
+@overload
 def fit(
     data: Log | str | Path | IO[Any] | DataFrame | tuple[npt.ArrayLike, ...], settings: FitSettings | None = None, *,
     read: ReadSettings | None = None, thorough: bool = False, companions: bool = True, progress: ProgressCallback = str,
     **changed: Unpack[LogFitOptions],
-) -> FittedModel:
+) -> FittedModel: ...
+@with_options(FitSettings, ReadSettings)
+def fit(
+    data: Log | SeveralZones | str | Path | IO[Any] | DataFrame | tuple[npt.ArrayLike, ...],
+    settings: FitSettings | None = None, *,
+    read: ReadSettings | None = None, thorough: bool = False, companions: bool = True, progress: ProgressCallback = str,
+    **changed: Any,
+) -> Any:
     """Identify the heater of a log; without power, the fit simulates the paper's control laws.
 
     Args:
         data: a log, or what `heatertune.log.read.log_of` makes one of: a path or built-in name, an open file, a
             table
-            of pandas, arrays (time_s, temperature_degC, power_pct), all of shape (n,).
+            of pandas, arrays (time_s, temperature_degC, power_pct), all of shape (n,); of a log of several zones (see
+            `heatertune.zones.read_zones`) the result is their thermal network, `heatertune.zones.FittedNetwork`.
         settings: additional knowledge about the heater and the log; None: nothing.
         read: how to read a file; None: detect everything.
         thorough: fit every controller hypothesis completely, even if it is far behind.
@@ -61,6 +79,8 @@ def fit(
     Raises:
         InputError, OutOfRange: as `heatertune.model.fit.fit` and `log_of`; options of a file for data that are none.
     """
+    if isinstance(data, SeveralZones):
+        return data.fit_zones(**changed)
     fitting, reading = split_options(
         changed, FitSettings, ReadSettings, also=("settings", "read", "thorough", "companions", "progress"))
     asked, log = merge_options(FitSettings, settings, fitting), _log(data, read, reading)
@@ -160,7 +180,8 @@ def _columns(log: Log) -> dict[str, Any]:
     names = ("name", "time_s", "temperature_degC", "power_pct", "setpoint_degC", "rests_at_degC", "disturbance",
              "cooling_pct", "ambient_degC", "power_late_s")
     taken = None if log.taken is None else (
-        log.taken.line, log.taken.repaired_share, sorted(log.taken.stated), dict(log.taken.assumed))
+        log.taken.line, log.taken.repaired_share, sorted(log.taken.stated), dict(log.taken.assumed),
+        log.taken.moving_heaters)
     return {name: getattr(log, name) for name in names} | {"taken": taken}
 
 

@@ -2,7 +2,7 @@
 
 `--help-all` shows the other options, too. The user's `heatertune.toml` states options that a command line leaves out.
 
-This is the one place in the core that names modules of the extras: batch, live, studio, supervision.
+This is the one place in the core that names modules of the extras: batch, live, studio, supervision, zones.
 """
 
 from __future__ import annotations
@@ -17,13 +17,14 @@ from heatertune.codec import read_toml
 from heatertune.errors import DocumentError, InputError, closest, did_you_mean
 
 if TYPE_CHECKING:
+    from argparse import Namespace
     from collections.abc import Callable, Iterator, Sequence
 
     from heatertune.proof.difference import WriteHistory
 
 __all__ = [
     "BUILT_IN", "COMMAND_MODULES", "FIRST_OPTIONS", "Command", "command", "current_options", "demand_files",
-    "read_settings", "settings_file", "with_user_settings", "written_in",
+    "design_zones", "read_settings", "settings_file", "with_user_settings", "written_in",
 ]
 
 #: command, in the order of the help → its module in heatertune
@@ -136,6 +137,11 @@ def current_options(arguments: Sequence[str]) -> list[str]:
     names = _RENAMED | _RENAMED_IN.get(arguments[0] if arguments else "", {})
     options = (each.partition("=") for each in arguments)
     return [f"{names.get(option, option)}{equals}{value}" for option, equals, value in options]
+
+
+def design_zones(settings: Namespace) -> int:
+    """Run `design --zones`; return its exit status."""
+    return int(import_module("heatertune.zones.command").run(settings))
 
 
 def written_in(paths: Sequence[str], directory: str) -> WriteHistory:

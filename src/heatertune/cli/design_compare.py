@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from heatertune import chain, options, plc, report
 from heatertune.cli import common, printing
+from heatertune.cli.command_table import design_zones
 from heatertune.cli.common import again
 from heatertune.cli.saved_design import in_force
 from heatertune.codec import DATA, plain, to_json
@@ -85,10 +86,31 @@ def add_design(commands: Any) -> None:
     common.add_log_options(command)
     common.add_tuning_options(command)
     options.add(command.add_argument_group("many heaters"), SampleSettings, but=("replay",))
+    _add_zones(command.add_argument_group("heaters that exchange heat"))
     printing.add_output_options(command, _run_design, brief=True)
 
 
+def _add_zones(group: Any) -> None:
+    """Add the options of `heatertune.zones`."""
+    group.add_argument("--zones", metavar="NAMES", help="names of the zones in the log, with commas between them, "
+                       "neighbours next to each other: tune and prove them together")
+    group.add_argument("--zone-log", metavar="FILE", action="append", default=[],
+                       help="log of a further zone, if each has a file of its own; may be repeated")
+    group.add_argument("--zone-setpoints", metavar="X,X", help="setpoint of each zone [°C]; default: --setpoint, or "
+                       "the last ones of the log")
+    group.add_argument("--neighbours", metavar="NAME", choices=("chain", "ring", "free"),
+                       help="which zones exchange heat: chain, ring or free (default: what the log shows)")
+    group.add_argument("--neighbour-deviation", type=float, metavar="K", help="by how much a zone may leave its "
+                       "setpoint while a neighbour's changes [°C] (default: 40 %% of the change)")
+    group.add_argument("--rated-power", metavar="X,X", help="full power of each zone's heater [kW]")
+    group.add_argument("--peak-power", type=float, metavar="X", help="most power of all heaters at once while the "
+                       "setpoints are held [kW]; the PWM periods are staggered")
+    group.add_argument("--stagger", action="store_true", help="begin the PWM periods of the zones one after the other")
+
+
 def _run_design(settings: argparse.Namespace) -> int:
+    if settings.zones is not None:
+        return design_zones(settings)
     from heatertune.chain.precompile import work_alongside
 
     settings.out = settings.out or _folder_of(settings.log)

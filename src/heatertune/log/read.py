@@ -44,7 +44,7 @@ from heatertune.log.on_change import Mask, at_edges, on_change, spread, without_
 from heatertune.log.power_range import Power, power_of
 from heatertune.log.quantities import ROLES, is_scaled, on_or_off, says_nothing
 from heatertune.log.sheet import Sheet
-from heatertune.log.side_columns import SIDE_ROLES, is_cooling, quoted
+from heatertune.log.side_columns import SIDE_ROLES, is_cooling, moving_heaters, quoted
 from heatertune.log.tags import TagSelection, TagTable, by_tags, with_power_rows
 from heatertune.log.values import (
     ABSOLUTE_ZERO_DEGC,
@@ -153,6 +153,7 @@ def taken_of(
         file=file, rows=len(time), interval_s=float(np.median(np.diff(time))) if len(time) > 1 else 0.0, columns=used,
         rows_read=counts.read + lost, left_out=counts.read + lost + counts.put_back - len(time),
         repeats=counts.repeats, repaired=counts.filled, unused=tagged.unused or _unused(sheet, columns, tagged, clock),
+        moving_heaters=() if tagged.is_long else moving_heaters(sheet, columns.index),
         reading=_reading(sheet, columns, tagged, written, options), assumed=_assumed(written, time), stated=stated,
     )
 

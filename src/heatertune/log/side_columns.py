@@ -18,7 +18,7 @@ from heatertune.log.sheet import CellColumn, Sheet
 
 __all__ = [
     "SIDE_ROLES", "add_side_columns", "demand_no_likely_power", "demand_own_temperature", "is_cooling", "is_fan",
-    "likely_power", "quoted",
+    "likely_power", "moving_heaters", "quoted",
 ]
 
 
@@ -184,3 +184,43 @@ _KINDS: Final[Mapping[str, tuple[Callable[[str], bool], Callable[[Array], bool],
     "ambient": (lambda name: _ROOM.search(name.replace("_", " ")) is not None and role_of(name) in (
         None, "temperature"), _is_room, "the room's temperature"),
 }
+
+
+_NUMBERED: Final = re.compile(r"\d+")
+_OWN_HEATER: Final = re.compile(r"(?i:\bbed|chamber|zone|extruder|nozzle|hot.?end|heater ?\d)")
+_SAME: Final = 0.999  # correlation above which two columns are one power in two units
+
+
+def moving_heaters(sheet: Sheet, index: Mapping[str, int]) -> tuple[str, ...]:
+    """Return the names of unused columns that hold the power of another heater, which changes in the log.
+
+    Such a name is the one of the power that was used with another number, or it names a heater of its own.
+    """
+    if not sheet.header or "power" not in index:
+        return ()
+    own = sheet.header[index["power"]]
+    power = _changing_power(sheet, index["power"])
+    moving = []
+    for i, name in enumerate(sheet.header):
+        if i in index.values() or role_of(name) != "power" or is_cooling(name) or is_fan(name):
+            continue
+        is_sibling = _NUMBERED.sub("#", name) == _NUMBERED.sub("#", own)
+        other = _changing_power(sheet, i) if is_sibling or _OWN_HEATER.search(name) else None
+        if other is not None and (is_sibling or power is None or not _are_same(power, other)):
+            moving.append(name)
+    return tuple(moving)
+
+
+def _changing_power(sheet: Sheet, i: int) -> Array | None:
+    """Return the numbers of a column, shape (n,), empty cells 0; None where they are none or never change."""
+    cells = [row[i] for row in sheet.rows]
+    switched = on_or_off(cells)
+    try:
+        values = np.array(switched or ["0" if says_nothing(cell) else cell for cell in cells], dtype=np.float64)
+    except ValueError:
+        return None
+    return values if np.ptp(values) > 0.0 else None
+
+
+def _are_same(power: Array, second: Array) -> bool:
+    return abs(float(np.corrcoef(power, second)[0, 1])) > _SAME

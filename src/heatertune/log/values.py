@@ -124,6 +124,7 @@ class ReadSummary:
         repeats: number of omitted rows that only repeated the previous one.
         repaired: rows in which a value was inserted.
         unused: columns or tags that were not used.
+        moving_heaters: unused columns with the power of another heater, which changes in the log.
         reading: option of `read_log` → value that reproduces this reading without detection.
         assumed: role → option for its unit, for each unit that neither the file nor the user states.
         stated: roles whose unit the user gave as an option.
@@ -138,6 +139,7 @@ class ReadSummary:
     repeats: int = 0
     repaired: int = 0
     unused: tuple[str, ...] = ()
+    moving_heaters: tuple[str, ...] = ()
     reading: Mapping[str, Option] = field(default_factory=dict)
     assumed: Mapping[str, str] = field(default_factory=dict)
     stated: frozenset[str] = frozenset()
@@ -182,6 +184,7 @@ class ReadSummary:
             "columns": {role: {"name": name, "written": written} for role, (name, written) in self.columns.items()},
             "rows_read": self.rows_read, "left_out": self.left_out, "repeats": self.repeats, "repaired": self.repaired,
             "repaired_share": self.repaired_share, "unused": list(self.unused), "reading": dict(self.reading),
+            **({"moving_heaters": list(self.moving_heaters)} if self.moving_heaters else {}),
         }
 
 

@@ -14,7 +14,8 @@ from heatertune.model.statistics import Interval
 from heatertune.model.values import FitOutcome, FittedModel
 from heatertune.units import degF_to_degC
 
-__all__ = ["DROP_PCT", "Remark", "fast_remarks", "findings_of", "level_remarks", "poor_remarks", "unit_findings"]
+__all__ = ["DROP_PCT", "Remark", "fast_remarks", "findings_of", "level_remarks", "neighbour_findings",
+           "poor_remarks", "unit_findings"]
 
 #: allowed loss of fit in cross-validation [%]
 DROP_PCT = 10.0
@@ -84,6 +85,13 @@ def unit_findings(fitted: FittedModel, logs: Sequence[Log]) -> tuple[Finding, ..
         if taken.assumed or doubts:
             findings.append(Finding(name="unit-assumed", message=_unit_sentence(taken, doubts)))
     return tuple(findings)
+
+
+def neighbour_findings(logs: Sequence[Log]) -> tuple[Finding, ...]:
+    """Return a finding for each log in which the power of another heater changes."""
+    moving = ((log.taken.file, log.taken.moving_heaters) for log in logs if log.taken is not None)
+    return tuple(Finding(name="neighbours-moved", message=(
+        f"other heaters were moving in {file}: {', '.join(map(repr, names))}")) for file, names in moving if names)
 
 
 def _unit_sentence(taken: ReadSummary, doubts: Mapping[str, str]) -> str:

@@ -125,6 +125,10 @@ KINDS: Final[dict[str, FindingKind]] = {
     "alias": FindingKind(
         "blocks", "the power switches faster than it was logged",
         "log the mean power of each interval, or every switching"),
+    "neighbours-moved": FindingKind(
+        "blocks", "other heaters were moving",
+        "log them together and design them as zones (heatertune design LOG --zones NAMES), or log this heater again "
+        "with the others at rest", by_case=True),
     "unit-assumed": FindingKind(
         "blocks", "a unit is assumed for which the log has no evidence",
         "check and state it (--time-unit, --temperature-unit, --power-full-scale; heatertune read shows which)"),

@@ -13,7 +13,7 @@ from heatertune.errors import InputError, OutOfRange
 from heatertune.log.values import MOST_REPAIRED, Log
 from heatertune.model.circumstances import DelaysKnown
 from heatertune.model.cooler_mirror import middle_degC, mirror_heater, mirrored_log
-from heatertune.model.diagnostics import Remark, findings_of, unit_findings
+from heatertune.model.diagnostics import Remark, findings_of, neighbour_findings, unit_findings
 from heatertune.model.disturbance import DisturbanceEffect, LossEffect
 from heatertune.model.findings import Finding
 from heatertune.model.outliers import undisturbed_part
@@ -334,7 +334,7 @@ def _of_files(fitted: FittedModel, logs: Sequence[Log]) -> FittedModel:
     return replace(
         fitted, log_summary=tuple(reading.line for reading in taken),
         findings=(*fitted.findings, *(Finding(name="repaired", message=sentence) for sentence in repaired),
-                  *unit_findings(fitted, logs)),
+                  *unit_findings(fitted, logs), *neighbour_findings(logs)),
     )
 
 

@@ -48,10 +48,12 @@ if TYPE_CHECKING:
     from heatertune.keywords import ConditionOptions
 
 __all__ = [
-    "actuator_for", "course_for", "default_pwm_period_s", "every_setpoint", "limits_of", "prove", "setpoints_for",
-    "told_of_aim", "tune_settings_for",
+    "NEIGHBOURS_AT_REST", "actuator_for", "course_for", "default_pwm_period_s", "every_setpoint", "limits_of", "prove",
+    "setpoints_for", "told_of_aim", "tune_settings_for",
 ]
 
+#: of which no run knows, and which a log of one heater need not show
+NEIGHBOURS_AT_REST: Final = "other heaters that move (a neighbour at rest was assumed)"
 #: of the band of soaks: as near to the ambient a heater has to be before a profile
 _OF_BAND: Final = 0.5
 #: times how far from the setpoint is still right: the least setpoint change that is judged by itself, so that half of
@@ -101,7 +103,7 @@ def prove(
     heard = FitDiagnostics(
         findings=(*cooler_findings(fitted, actuator.cooling_gain), *unreachable_findings(fitted, len(models), farthest),
                   *beyond_log(fitted, setpoints)), accepted=asked.accept,
-        assumed=fitted.assumed, not_tested=(*course.not_tested, *untested),
+        assumed=fitted.assumed, not_tested=(*course.not_tested, *untested, NEIGHBOURS_AT_REST),
         remarks=(*_remarks(words, fitted, asked, setpoints), *left_out(fitted, len(models), farthest), *course.notes,
                  *told))
     acceptance = Acceptance(

@@ -1,0 +1,140 @@
+"""`heatertune design LOG --zones NAMES`: the whole chain for heaters that exchange heat."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, Final
+
+from heatertune import options
+from heatertune.cli import common, printing
+from heatertune.codec import DATA, plain, to_json
+from heatertune.errors import InputError
+from heatertune.settings import FitSettings, SampleSettings, WordSettings
+from heatertune.writing import write_files
+from heatertune.zones.identify import FittedNetwork, fit_network, read_zones
+from heatertune.zones.joint_proof import JointProof, ZoneSpecification, design_zones, specification_for
+from heatertune.zones.zone_export import export_zones
+
+__all__ = ["run", "to_document"]
+
+SCHEMA: Final = "heatertune/zones/1"
+#: options of a design of one heater that zones do not have
+_TUNED: Final = ("structure", "sample_time_s")
+_PROVEN: Final = ("setpoint_degC", "pwm_period_s", "minimum_on_s", "minimum_off_s", "pwm_rule", "pwm_resolution_s",
+                  "spec", "limit", "tolerance_degC", "accept", "switches")
+
+
+def run(settings: argparse.Namespace) -> int:
+    """Run the command; return 0 for PASS, otherwise 1.
+
+    Raises:
+        InputError: an option that zones do not have, or as `read_zones`, `fit_network`, `design_zones`, `export_zones`.
+    """
+    progress = printing.Progress(settings)
+    request = common.design_request(settings)
+    _refuse_others(settings, request)
+    zones = [zone.strip() for zone in settings.zones.split(",")]
+    progress("reading")
+    log = read_zones([settings.log, *settings.zone_log], zones, common.reading(settings))
+    for repair in log.repairs:
+        progress.note(repair)
+    progress("fitting the network of all zones")
+    fitted = fit_network(log, structure=settings.neighbours)
+    progress("tuning and proving all zones together")
+    proof = design_zones(
+        fitted, request.target, scaling=request.scaling, structure=request.tune_settings.structure,
+        sample_time_s=request.tune_settings.sample_time_s, conditions=request.conditions,
+        specification=_specification(settings, fitted, request.conditions))
+    document = to_document(proof)
+    files: dict[str, str | bytes] = {f"{DATA}/zones.json": to_json(document)}
+    if proof.verdict == "PASS" or settings.force:
+        files |= export_zones(proof, force=settings.force)
+    write_files(settings.out, files)
+    text = f"{fitted.summary()}\n{_parameters(proof)}\n{proof.summary()}\nwritten to {settings.out}"
+    brief = f"{_parameters(proof)}\n{_brief(proof)}\nwritten to {settings.out}"
+    printing.output(settings, document, lambda: text, brief=lambda: brief)
+    return 0 if proof.verdict == "PASS" else 1
+
+
+def _refuse_others(settings: argparse.Namespace, request: Any) -> None:
+    """Refuse options that a design of zones does not follow, rather than pass over them."""
+    kinds = ((type(request.tune_settings), request.tune_settings, _TUNED),
+             (type(request.conditions), request.conditions, _PROVEN),
+             (WordSettings, options.of(WordSettings, settings), ()),
+             (FitSettings, options.of(FitSettings, settings), ()),
+             (SampleSettings, options.of(SampleSettings, settings), ()))
+    for kind, values, followed in kinds:
+        for name, option in options.options_of(kind).items():
+            if name not in followed and getattr(values, name) != option.default:
+                raise InputError(f"{option.flag}: not for zones, whose design does not follow it; leave it out")
+    for name in ("zone_setpoints", "rated_power"):
+        text = getattr(settings, name)
+        if text is not None and len(text.split(",")) != len(settings.zones.split(",")):
+            raise InputError(f"--{name.replace('_', '-')} {text}: expected a number for each of {settings.zones}")
+
+
+def _numbers(flag: str, text: str) -> tuple[float, ...]:
+    try:
+        return tuple(float(part) for part in text.split(","))
+    except ValueError as problem:
+        raise InputError(f"{flag} {text}: expected numbers with commas between them, such as 180,190") from problem
+
+
+def _specification(settings: argparse.Namespace, fitted: FittedNetwork, conditions: Any) -> ZoneSpecification:
+    setpoints: Any = conditions.setpoint_degC
+    if isinstance(setpoints, tuple):
+        raise InputError("--setpoint: zones take one setpoint for all; state --zone-setpoints for one of each")
+    if settings.zone_setpoints is not None:
+        setpoints = _numbers("--zone-setpoints", settings.zone_setpoints)
+    spec = specification_for(fitted, setpoints, conditions)
+    rated = () if settings.rated_power is None else _numbers("--rated-power", settings.rated_power)
+    return replace(spec, deviation_degC=settings.neighbour_deviation, rated_kw=rated, peak_kw=settings.peak_power,
+                   staggered=settings.stagger)
+
+
+def _parameters(proof: JointProof) -> str:
+    lines = []
+    for zone, words, design in zip(proof.fitted.network.zones, proof.words, proof.design.designs, strict=True):
+        values = ", ".join(f"{name} {value:.9g}" for name, value in words.values.items())
+        lines.append(f"zone {zone}: K {design.gain_pct_per_degC:.4g} %/°C, TN {design.integral_time_s:.4g} s, "
+                     f"TA {design.sample_time_s:.4g} s: {values}")
+    return "\n".join(lines)
+
+
+def _brief(proof: JointProof) -> str:
+    kept = tuple(f"{each.name}: " for each in proof.criteria if each.ok)
+    return "\n".join(line for line in proof.summary().splitlines() if not line.startswith(kept))
+
+
+def to_document(proof: JointProof) -> Mapping[str, object]:
+    """Return the network, the words of all zones and their proof as a JSON document."""
+    fitted, network = proof.fitted, proof.fitted.network
+    return {
+        "schema": SCHEMA,
+        "verdict": proof.verdict,
+        "target": proof.words[0].target,
+        "zones": [{
+            "name": zone, "setpoint_degC": proof.specification.setpoints_degC[number],
+            "gain_degC_per_pct": network.gains_degC_per_pct[number],
+            "time_constant_s": network.time_constants_s[number],
+            "second_time_constant_s": network.second_time_constants_s[number],
+            "dead_time_s": network.dead_times_s[number], "ambient_degC": network.ambients_degC[number],
+            "fit_pct": fitted.fit_pct[number] if fitted.fit_pct else None,
+            "words": dict(proof.words[number].values), "pwm_offset_s": proof.offsets_s[number],
+        } for number, zone in enumerate(network.zones)],
+        "exchange": [list(map(float, row)) for row in network.exchange],
+        "shown_couplings": dict(fitted.couplings),
+        "ci95": {name: [interval.low, interval.high] for name, interval in fitted.ci95.items()},
+        "sample_time_s": proof.words[0].sample_time_s,
+        "range_degC": list(proof.words[0].scaling.sensor_degC),
+        "criteria": [plain({"name": each.name, "value": each.value, "limit": each.limit, "ok": each.ok,
+                            "where": each.where}) for each in proof.criteria],
+        "findings": [{"name": each.name, "message": each.message, "accepted": each.name in proof.accepted}
+                     for each in proof.findings],
+        "runs": list(proof.runs),
+        "not_tested": list(proof.not_tested),
+        "peak_heaters": proof.peak_heaters, "peak_kw": proof.peak_kw, "heaters_bound": proof.heaters_bound,
+        "bound_share": proof.bound_share,
+    }

@@ -1,0 +1,613 @@
+"""Log of several zones → the thermal network behind it, with intervals, and the couplings that the log leaves open.
+
+A log is one file with a temperature and a power for each zone, or a file for each zone, all of one clock.
+
+A linear least-squares fit of the integrated heat balance, zone by zone, gives the start. The whole network is then
+fitted to all readings at once with its exact solution (output error), so the noise of a neighbour's reading biases
+nothing. The intervals take the autocorrelation of each zone's residuals into account.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from heatertune.arrays import Array
+from heatertune.errors import InputError, OutOfRange
+from heatertune.log import read_log
+from heatertune.log.cells import read_sheet
+from heatertune.log.columns import with_names
+from heatertune.log.quantities import is_second_choice, role_of
+from heatertune.log.side_columns import is_cooling, is_fan
+from heatertune.log.values import MIN_SAMPLES, Log
+from heatertune.model.findings import Finding
+from heatertune.model.statistics import Interval
+from heatertune.options import merge_options
+from heatertune.settings import ReadSettings
+from heatertune.zones.network import (
+    Modes,
+    ThermalNetwork,
+    ZonePower,
+    modes_of,
+    neighbours,
+    simulate_many,
+)
+
+__all__ = ["FittedNetwork", "ParameterLayout", "ZoneLog", "fit_network", "network_by_hand", "read_zones"]
+
+_ROWS: Final = 1200  # readings used of each zone
+_DEAD_TIMES: Final = 25  # tried for the start of the fit
+_LATE_ROWS: Final = 2  # by which the logged power may be late, as in the fit of one heater
+_NORMAL: Final = 1.96
+_FREE_UP_TO: Final = 3  # zones for which every coupling is fitted where no structure is stated
+_SIGNIFICANT: Final = 25.0  # points that a coupling beyond the structure has to gain: five standard errors
+_BIC: Final = 10.0  # points that a second lag of each zone has to gain, for each parameter
+_WHITE: Final = 1.25  # inflation below which residuals leave nothing to explain
+_POOR_PCT: Final = 80.0
+_MOST_STEPS: Final = 40
+_COLDER: Final = 0.02  # exchange below 0 that cannot be the noise of a weak one
+_WIDE: Final = 4.0  # ratio of an interval's ends above which the log bounds nothing
+
+
+class ParameterLayout(NamedTuple):
+    """Places of the parameters: of each zone log K, log T, L, a, the first temperature, with a second lag its log; c.
+
+    Attributes:
+        size: number of zones.
+        pairs: (zone, neighbour) of each coupling.
+        second: whether each zone has a second lag.
+    """
+
+    size: int
+    pairs: tuple[tuple[int, int], ...]
+    second: bool
+
+    @property
+    def per_zone(self) -> int:
+        """Parameters of a zone besides couplings."""
+        return 6 if self.second else 5
+
+    def parts(self, values: Array) -> tuple[Array, Array]:
+        """Return the parameters by zone, shape (n, 5 or 6), and the matrix of the couplings, shape (n, n)."""
+        own = values[: self.size * self.per_zone].reshape(self.size, self.per_zone)
+        exchange = np.zeros((self.size, self.size))
+        for (zone, other), value in zip(self.pairs, values[self.size * self.per_zone:], strict=True):
+            exchange[zone, other] = value
+        return own, exchange
+
+    def case(self, values: Array) -> tuple[Modes, Array, Array]:
+        """Return what `simulate_many` takes."""
+        own, exchange = self.parts(values)
+        second = np.exp(own[:, 5]) if self.second else np.zeros(self.size)
+        modes = modes_of(np.exp(own[:, 0]), np.exp(own[:, 1]), own[:, 3], exchange, second)
+        return modes, own[:, 2], own[:, 4]
+
+    def network(self, zones: tuple[str, ...], values: Array) -> ThermalNetwork:
+        """Return the network of parameters; a coupling or dead time below 0 is 0."""
+        own, exchange = self.parts(values)
+        return ThermalNetwork(
+            zones=zones, gains_degC_per_pct=tuple(np.exp(own[:, 0])), time_constants_s=tuple(np.exp(own[:, 1])),
+            dead_times_s=tuple(np.maximum(own[:, 2], 0.0)), ambients_degC=tuple(own[:, 3]),
+            exchange=np.maximum(exchange, 0.0),
+            second_time_constants_s=tuple(np.exp(own[:, 5])) if self.second else ())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ZoneLog:
+    """Temperatures and powers of several zones at the same instants.
+
+    Attributes:
+        name: of the log.
+        zones: names, in order; neighbours in a chain follow each other.
+        time_s: instants, increasing, shape (N,) [s].
+        temperatures_degC: shape (N, n) [°C].
+        powers_pct: held from its instant to the next, shape (N, n) [0…100 %].
+        setpoints_degC: shape (N, n), None if not logged [°C].
+        repairs: what the reader changed or assumed, one sentence each.
+        findings: that leave a network of this log unproven: a unit without evidence.
+
+    Raises:
+        InputError: fewer than two zones, or names that are not unique.
+        OutOfRange: shapes that differ, too few rows, times that do not increase, a power outside 0…100 %.
+    """
+
+    name: str
+    zones: tuple[str, ...]
+    time_s: Array
+    temperatures_degC: Array
+    powers_pct: Array
+    setpoints_degC: Array | None = None
+    repairs: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
+
+    def __post_init__(self) -> None:
+        if len(self.zones) < 2 or len(set(self.zones)) < len(self.zones):
+            raise InputError(f"zones {', '.join(self.zones)}: expected two or more zones, each with a name of its own")
+        shape = (len(self.time_s), len(self.zones))
+        if shape[0] < MIN_SAMPLES:
+            raise OutOfRange("number of samples", shape[0], f">= {MIN_SAMPLES}")
+        for name in ("temperatures_degC", "powers_pct", "setpoints_degC"):
+            values = getattr(self, name)
+            if values is not None and (values.shape != shape or not np.all(np.isfinite(values))):
+                raise OutOfRange(name, values.shape, f"finite, of shape {shape}")
+        if not np.all(np.diff(self.time_s) > 0.0):
+            raise OutOfRange("time_s", float(self.time_s[0]), "strictly increasing")
+        if np.min(self.powers_pct) < 0.0 or np.max(self.powers_pct) > 100.0:
+            raise OutOfRange("powers_pct", float(np.max(np.abs(self.powers_pct))), ">= 0 and <= 100")
+
+    @property
+    def interval_s(self) -> float:
+        """The usual time between two rows [s]."""
+        return float(np.median(np.diff(self.time_s)))
+
+    def fit_zones(self, **settings: Any) -> FittedNetwork:
+        """Identify the thermal network of the zones; arguments and errors as `fit_network`."""
+        return fit_network(self, **settings)
+
+
+@dataclass(frozen=True, slots=False, kw_only=True, eq=False)
+class FittedNetwork:
+    """The thermal network of a log, and how far the log determines it.
+
+    Attributes:
+        network: the best fit.
+        layout: of `values`.
+        values: the parameters, as `layout` places them.
+        covariance: of the parameters.
+        late_s: by how much longer than fitted the dead times may be, as the logged power may be late [s].
+        noise_degC: standard deviation of the residuals of each zone [°C].
+        fit_pct: 100·(1 − ‖y−ŷ‖/‖y−ȳ‖) of each zone [%].
+        residuals_degC: shape (N, n) [°C].
+        findings: that leave the network unproven, see `heatertune.model.findings`.
+        log: name of the log.
+        interval_s: between two rows [s].
+        setpoints_degC: last logged setpoint of each zone, None if not logged [°C].
+        highest_degC: highest reading of each zone [°C].
+    """
+
+    network: ThermalNetwork
+    layout: ParameterLayout
+    values: Array
+    covariance: Array
+    late_s: float = 0.0
+    noise_degC: tuple[float, ...] = ()
+    fit_pct: tuple[float, ...] = ()
+    residuals_degC: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    findings: tuple[Finding, ...] = ()
+    log: str = "by hand"
+    interval_s: float = 0.0
+    setpoints_degC: tuple[float, ...] | None = None
+    highest_degC: tuple[float, ...] | None = None
+
+    @cached_property
+    def ci95(self) -> Mapping[str, Interval]:
+        """Quantity with unit and zone, or "exchange A-B" → its 95 % interval."""
+        own, zones = self.layout.per_zone, self.network.zones
+        names = ("gain_degC_per_pct", "time_constant_s", "dead_time_s", "ambient_degC", "", "second_time_constant_s")
+        found = {}
+        for zone, label in enumerate(zones):
+            for place, name in enumerate(names[:own]):
+                if name:
+                    found[f"{name} {label}"] = self._interval(zone * own + place, is_log=place in (0, 1, 5),
+                                                              late_s=self.late_s if place == 2 else 0.0)
+        for number, (zone, other) in enumerate(self.layout.pairs):
+            found[f"exchange {zones[zone]}-{zones[other]}"] = self._interval(len(zones) * own + number)
+        return found
+
+    def _interval(self, place: int, *, is_log: bool = False, late_s: float = 0.0) -> Interval:
+        reach = _NORMAL * math.sqrt(float(self.covariance[place, place]))
+        low, high = float(self.values[place]) - reach, float(self.values[place]) + reach
+        return Interval(low=math.exp(low), high=math.exp(high)) if is_log else Interval(low=low, high=high + late_s)
+
+    @property
+    def couplings(self) -> Mapping[str, bool]:
+        """"A-B" → whether the log shows that zone A receives heat from zone B; if not, it is open."""
+        return {name.removeprefix("exchange "): interval.low is not None and interval.low > 0.0
+                for name, interval in self.ci95.items() if name.startswith("exchange ")}
+
+    def draw(self, count: int, seed: int = 1) -> list[tuple[str, ThermalNetwork]]:
+        """Return plausible networks with labels: the best fit, the ends of the intervals, and drawn ones.
+
+        The draws follow the joint distribution of the parameters; dead times are longer by up to `late_s`.
+
+        Args:
+            count: number of drawn networks.
+            seed: of the draws.
+        """
+        zones, own = self.network.zones, self.layout.per_zone
+        found = [("best fit", self.network)]
+        if not np.any(self.covariance):
+            return found
+        reach = _NORMAL * np.sqrt(np.diag(self.covariance))
+        coupled = np.arange(len(self.values)) >= len(zones) * own
+        dead = ~coupled & (np.arange(len(self.values)) % own == 2)
+        for label, sign in (("strongest exchange, longest dead times", 1.0), ("weakest exchange", -1.0)):
+            values = self.values + sign * np.where(coupled, reach, 0.0)
+            values = np.where(dead, self.values + (reach + self.late_s if sign > 0.0 else 0.0), values)
+            found.append((label, self.layout.network(zones, values)))
+        random = np.random.default_rng(seed)
+        spread = np.linalg.cholesky(self.covariance + 1e-15 * np.diag(np.diag(self.covariance)))
+        for number in range(count):
+            values = self.values + spread @ random.standard_normal(len(self.values))
+            values = np.where(dead, values + random.uniform(0.0, self.late_s, len(values)), values)
+            found.append((f"drawn network {number + 1}", self.layout.network(zones, values)))
+        return found
+
+    def summary(self) -> str:
+        """Return the network as text, a line for each zone and one for each coupling."""
+        net, lines = self.network, []
+        for zone, label in enumerate(net.zones):
+            parts = [f"{self._text(f'gain_degC_per_pct {label}', net.gains_degC_per_pct[zone])} °C/%",
+                     f"time constant {self._text(f'time_constant_s {label}', net.time_constants_s[zone])} s",
+                     f"dead time {self._text(f'dead_time_s {label}', net.dead_times_s[zone])} s"]
+            lines.append(f"zone {label}: {', '.join(parts)}, ambient {net.ambients_degC[zone]:.4g} °C")
+        for name, shown in self.couplings.items():
+            zone, other = self.layout.pairs[list(self.couplings).index(name)]
+            value = self._text(f"exchange {name}", float(net.exchange[zone, other]))
+            lines.append(f"exchange {name}: {value}{'' if shown else ', open: the log does not show it'}")
+        return "\n".join([*lines, *(f"{finding.name}: {finding.message}" for finding in self.findings)])
+
+    def _text(self, name: str, value: float) -> str:
+        interval = self.ci95[name]
+        return f"{value:.4g} ({interval.low:.4g}…{interval.high:.4g})"
+
+
+def network_by_hand(network: ThermalNetwork) -> FittedNetwork:
+    """Return a network that was entered by its numbers, in the form that tuning and proof take; it has no intervals."""
+    count = len(network.zones)
+    pairs = tuple((i, j) for i in range(count) for j in range(count) if network.exchange[i, j] > 0.0)
+    second = any(lag > 0.0 for lag in network.second_time_constants_s)
+    layout = ParameterLayout(count, pairs, second)
+    own = [np.log(network.gains_degC_per_pct), np.log(network.time_constants_s), np.array(network.dead_times_s),
+           np.array(network.ambients_degC), np.array(network.ambients_degC)]
+    if second:
+        own.append(np.log(np.maximum(network.second_time_constants_s, 1e-6)))
+    values = np.concatenate([np.column_stack(own).ravel(), [network.exchange[pair] for pair in pairs]])
+    return FittedNetwork(network=network, layout=layout, values=values, covariance=np.zeros((len(values),) * 2))
+
+
+def fit_network(log: ZoneLog, *, structure: str | None = None) -> FittedNetwork:
+    """Identify the thermal network of a log.
+
+    Args:
+        log: of all zones, with power.
+        structure: "chain", "ring" or "free", see `heatertune.zones.network.neighbours`; None: free up to three zones,
+            otherwise a chain and the couplings beyond it that the log shows.
+
+    Raises:
+        InputError: a zone whose power never changes, or a log that gives no heater.
+        OutOfRange: another structure.
+    """
+    for zone, power in zip(log.zones, log.powers_pct.T, strict=True):
+        if np.ptp(power) == 0.0:
+            raise InputError(f"{log.name}: the power of zone {zone!r} never changes, so its gain is unknown: log a "
+                             "step of the power of each zone, one after the other")
+    count = len(log.zones)
+    pairs = neighbours(structure or ("free" if count <= _FREE_UP_TO else "chain"), count)
+    problem = _NetworkProblem.from_log(log)
+    layout = ParameterLayout(count, pairs, second=False)
+    fitted = problem.fit(layout, problem.start(layout))
+    if structure is None and count > _FREE_UP_TO:
+        fitted = problem.with_further_couplings(fitted)
+    fitted = problem.with_second_lags(fitted)
+    return _result(log, problem, fitted)
+
+
+class _NetworkFit(NamedTuple):
+    layout: ParameterLayout
+    values: Array
+    residuals: Array  # shape (rows, n)
+    jacobian: Array  # shape (rows, n, parameters)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _NetworkProblem:
+    """Readings of the log, thinned, and the power of each zone as logged."""
+
+    time_s: Array
+    readings: Array
+    courses: Sequence[ZonePower]
+    longest_s: float
+
+    @classmethod
+    def from_log(cls, log: ZoneLog) -> _NetworkProblem:
+        keep = slice(None, None, math.ceil(len(log.time_s) / _ROWS))
+        courses = [ZonePower.from_rows(log.time_s, power) for power in log.powers_pct.T]
+        return cls(time_s=log.time_s[keep], readings=log.temperatures_degC[keep], courses=courses,
+                   longest_s=float(np.ptp(log.time_s)) / 4.0)
+
+    def start(self, layout: ParameterLayout) -> Array:
+        """Return parameters by linear least squares on the integrated heat balance, the best of several dead times."""
+        own = np.empty((layout.size, 5))
+        couplings = []
+        steps = np.diff(self.time_s)
+        integral = np.vstack([np.zeros(layout.size), np.cumsum(
+            0.5 * (self.readings[1:] + self.readings[:-1]) * steps[:, None], axis=0)])
+        elapsed = self.time_s - self.time_s[0]
+        dead_times = np.concatenate([[0.0], np.geomspace(0.5 * float(np.median(steps)), self.longest_s, _DEAD_TIMES)])
+        for zone in range(layout.size):
+            others = [other for first, other in layout.pairs if first == zone]
+            best: tuple[float, Array, float] | None = None
+            for dead in dead_times:
+                exchanged: list[Array] = [integral[:, other] - integral[:, zone] for other in others]
+                columns = np.column_stack([
+                    elapsed, integral[:, zone], self._energy(zone, float(dead)), np.ones(len(elapsed)), *exchanged])
+                scale = np.abs(columns).max(axis=0) + 1e-30
+                solution, *_ = np.linalg.lstsq(columns / scale, self.readings[:, zone], rcond=None)
+                solution = solution / scale
+                error = float(np.sum((columns @ solution - self.readings[:, zone]) ** 2))
+                if solution[1] < 0.0 < solution[2] and (best is None or error < best[0]):
+                    best = error, solution, float(dead)
+            own[zone], found = self._from_balance(zone, best, len(others))
+            couplings += found
+        return np.concatenate([own.ravel(), couplings])
+
+    def _from_balance(self, zone: int, best: tuple[float, Array, float] | None, others: int) -> tuple[
+            Array, list[float]]:
+        if best is None:  # far from a heater: a start all the same
+            lag = float(np.ptp(self.time_s)) / 10.0
+            return np.array([math.log(0.5), math.log(lag), 0.0, self.readings[0, zone], self.readings[0, zone]]), [
+                0.1] * others
+        _, solution, dead = best
+        lag = -1.0 / solution[1]
+        return (np.array([math.log(solution[2] * lag), math.log(lag), dead, solution[0] * lag, self.readings[0, zone]]),
+                [max(float(value) * lag, 0.01) for value in solution[4:]])
+
+    def _energy(self, zone: int, dead_s: float) -> Array:
+        """Return the integral of the delayed power [%·s]."""
+        course = self.courses[zone]
+        since = np.maximum(self.time_s[:, None] - course.instants_s - dead_s, 0.0)
+        return np.asarray(course.first_pct * (self.time_s - self.time_s[0]) + since @ course.changes_pct)
+
+    def simulate(self, layout: ParameterLayout, values: Sequence[Array]) -> Array:
+        return simulate_many([layout.case(each) for each in values], self.time_s, self.courses)
+
+    def fit(self, layout: ParameterLayout, start: Array) -> _NetworkFit:
+        """Return the least-squares fit of all zones by Levenberg and Marquardt's method, weighted by their noise."""
+        values, damping = start, 1e-3
+        residuals = self.readings - self.simulate(layout, [values])[0]
+        for _ in range(_MOST_STEPS):
+            weights = 1.0 / np.maximum(residuals.std(axis=0), 1e-6)
+            jacobian = self.jacobian(layout, values)
+            weighted = (jacobian * weights[:, None]).reshape(-1, len(values))
+            target = (residuals * weights).ravel()
+            cost, moved = float(target @ target), False
+            normal, slope = weighted.T @ weighted, weighted.T @ target
+            for _ in range(8):
+                step = np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), slope)
+                step = np.clip(step, -self._most(layout), self._most(layout))
+                tried = self._allowed(layout, values + step)
+                errors = self.readings - self.simulate(layout, [tried])[0]
+                if np.all(np.isfinite(errors)) and float(np.sum((errors * weights) ** 2)) < cost:
+                    gained = cost - float(np.sum((errors * weights) ** 2))
+                    values, residuals, damping, moved = tried, errors, damping / 5.0, True
+                    break
+                damping *= 6.0
+            if not moved or gained < 1e-6 * cost:
+                break
+        return _NetworkFit(layout, values, residuals, self.jacobian(layout, values))
+
+    def _most(self, layout: ParameterLayout) -> Array:
+        """Return the largest change of each parameter in one step."""
+        own = [0.7, 0.7, self.longest_s / 5.0, 50.0, 50.0, 0.7][: layout.per_zone]
+        return np.array([*own * layout.size, *[1.0] * len(layout.pairs)])
+
+    def _allowed(self, layout: ParameterLayout, values: Array) -> Array:
+        """Return parameters with dead times not below 0 and no coupling so far below 0 that the network runs away."""
+        values = values.copy()
+        dead = np.arange(layout.size) * layout.per_zone + 2
+        values[dead] = np.clip(values[dead], 0.0, self.longest_s)
+        first = layout.size * layout.per_zone
+        values[first:] = np.maximum(values[first:], -0.4 / max(layout.size - 1, 1))
+        return values
+
+    def jacobian(self, layout: ParameterLayout, values: Array) -> Array:
+        """Return the derivatives of all temperatures, shape (rows, n, parameters)."""
+        dead = 1e-3 * max(float(np.median(np.diff(self.time_s))), 1e-3)
+        own = [1e-4, 1e-4, dead, 1e-2, 1e-2, 1e-4][: layout.per_zone]
+        size = np.array([*own * layout.size, *[1e-4] * len(layout.pairs)])
+        moved = [values, *(values + size[place] * np.eye(1, len(values), place)[0] for place in range(len(values)))]
+        found = self.simulate(layout, moved)
+        return np.asarray(np.moveaxis((found[1:] - found[0]) / size[:, None, None], 0, 2))
+
+    def covariance(self, fit: _NetworkFit) -> Array:
+        """Return the covariance of the parameters, with the autocorrelation of each zone's residuals."""
+        freedom = len(fit.residuals) - len(fit.values) / fit.layout.size
+        variance = np.sum(fit.residuals**2, axis=0) / freedom
+        inflated = variance * np.array([_inflation(each) for each in fit.residuals.T])
+        weighted = (fit.jacobian / np.sqrt(inflated)[:, None]).reshape(-1, len(fit.values))
+        scale = np.sqrt(np.sum(weighted**2, axis=0)) + 1e-30
+        return np.asarray(np.linalg.pinv((weighted / scale).T @ (weighted / scale)) / np.outer(scale, scale))
+
+    def with_further_couplings(self, fit: _NetworkFit) -> _NetworkFit:
+        """Return the fit with the couplings beyond the chain that explain the log better, the clearest first."""
+        for _ in range(fit.layout.size):
+            others = [pair for pair in neighbours("free", fit.layout.size) if pair not in fit.layout.pairs]
+            if not others:
+                break
+            wider = fit.layout._replace(pairs=(*fit.layout.pairs, *others))
+            values = np.append(fit.values, np.zeros(len(others)))
+            weights = 1.0 / fit.residuals.std(axis=0)
+            jacobian = (self.jacobian(wider, values) * weights[:, None]).reshape(-1, len(values))
+            step, *_ = np.linalg.lstsq(jacobian, (fit.residuals * weights).ravel(), rcond=None)
+            error = np.sqrt(np.diag(np.linalg.pinv(jacobian.T @ jacobian)))
+            place = int(np.argmax((step / error)[-len(others):]))
+            layout = fit.layout._replace(pairs=(*fit.layout.pairs, others[place]))
+            tried = self.fit(layout, np.append(fit.values, max(float(step[place - len(others)]), 0.01)))
+            if _gain(fit, tried) < _SIGNIFICANT:
+                break
+            fit = tried
+        return fit
+
+    def with_second_lags(self, fit: _NetworkFit) -> _NetworkFit:
+        """Return the fit with a second lag of each zone where it explains the log better."""
+        if max(_inflation(each) for each in fit.residuals.T) < _WHITE:
+            return fit
+        own, _ = fit.layout.parts(fit.values)
+        second = np.log(np.maximum(0.5 * own[:, 2], 0.02 * np.exp(own[:, 1])))
+        start = np.column_stack([own, second])
+        start[:, 2] = 0.5 * own[:, 2]
+        layout = fit.layout._replace(second=True)
+        wider = self.fit(layout, np.concatenate([start.ravel(), fit.values[own.size:]]))
+        return wider if _gain(fit, wider) > _BIC * fit.layout.size else fit
+
+
+def _gain(fit: _NetworkFit, wider: _NetworkFit) -> float:
+    """Return by how many points of -2·log likelihood a wider model explains the log better, correlation considered."""
+    rows = len(fit.residuals) / max(_inflation(each) for each in wider.residuals.T)
+    return rows * float(np.sum(np.log(np.mean(fit.residuals**2, axis=0) / np.mean(wider.residuals**2, axis=0))))
+
+
+def _inflation(residuals: Array) -> float:
+    """Return by how much the autocorrelation of residuals raises the variance of what is fitted."""
+    centred = residuals - residuals.mean()
+    rho = float(centred[1:] @ centred[:-1] / max(float(centred @ centred), 1e-30))
+    rho = min(max(rho, 0.0), 0.98)
+    return (1.0 + rho) / (1.0 - rho)
+
+
+def _result(log: ZoneLog, problem: _NetworkProblem, fit: _NetworkFit) -> FittedNetwork:
+    readings = problem.readings
+    error = np.sqrt(np.sum(fit.residuals**2, axis=0) / np.sum((readings - readings.mean(axis=0)) ** 2, axis=0))
+    fit_pct = tuple(100.0 * (1.0 - error))
+    findings = [Finding(name="poor-fit", message=f"the network explains {share:.3g} % of zone {zone}'s log")
+                for zone, share in zip(log.zones, fit_pct, strict=True) if share < _POOR_PCT]
+    fitted = FittedNetwork(
+        network=fit.layout.network(log.zones, fit.values), layout=fit.layout, values=fit.values,
+        covariance=problem.covariance(fit), late_s=_LATE_ROWS * log.interval_s,
+        noise_degC=tuple(fit.residuals.std(axis=0)), fit_pct=fit_pct, residuals_degC=fit.residuals,
+        log=log.name, interval_s=log.interval_s,
+        setpoints_degC=None if log.setpoints_degC is None else tuple(log.setpoints_degC[-1]),
+        highest_degC=tuple(readings.max(axis=0)))
+    return replace(fitted, findings=(*log.findings, *findings, *_open_findings(fitted)))
+
+
+def _open_findings(fitted: FittedNetwork) -> Iterator[Finding]:
+    """Yield which heaters the log does not bound."""
+    for zone in fitted.network.zones:
+        for name, what in (("gain_degC_per_pct", "gain"), ("time_constant_s", "time constant")):
+            interval = fitted.ci95[f"{name} {zone}"]
+            assert interval.low is not None
+            assert interval.high is not None
+            if interval.high > _WIDE * interval.low:
+                yield Finding(name="unexplained-by-power", message=(
+                    f"the log does not bound the {what} of zone {zone}: {interval.low:.3g} to {interval.high:.3g}"))
+    for name, interval in fitted.ci95.items():
+        if name.startswith("exchange") and interval.high is not None and interval.high < -_COLDER:
+            yield Finding(name="contradicted", message=(
+                f"the {name} would be below 0 ({interval.high:.2g} at most), which no heat exchange is"))
+
+
+_ROLES: Final = ("temperature", "power", "setpoint")
+_CLOCK_S: Final = 1e-6  # instants of two zones closer than this are one row
+
+
+def read_zones(
+    sources: str | Path | Sequence[str | Path], zones: Sequence[str], settings: ReadSettings | None = None,
+    **changed: Any,
+) -> ZoneLog:
+    """Read a log of several zones.
+
+    In one file, a zone's columns are those whose names hold the zone's name; where no name does, the first zone has the
+    first temperature, power and setpoint, the second one the second, and so on.
+
+    Args:
+        sources: one file with all zones, or one file for each zone in their order, all with the same instants.
+        zones: names of the zones, neighbours next to each other.
+        settings: how to read each file, as `heatertune.log.read_log`; None: detect everything.
+        changed: fields of `ReadSettings` that differ from `settings`.
+
+    Raises:
+        InputError: fewer than two zones, another number of files than zones, a zone without temperature or power, or
+            files of different clocks.
+        LogError, OutOfRange: as `read_log`.
+    """
+    asked = merge_options(ReadSettings, settings, changed)
+    paths = [sources] if isinstance(sources, str | Path) else list(sources)
+    names = tuple(zone.strip() for zone in zones)
+    if len(names) < 2 or len(set(names)) < len(names):
+        raise InputError("--zones: expected the names of two zones or more, each another one")
+    if len(paths) == 1:
+        columns = _columns_of(Path(paths[0]), names, asked)
+        logs = [read_log(paths[0], merge_options(ReadSettings, asked, own)) for own in columns]
+    elif len(paths) == len(names):
+        logs = [read_log(path, asked) for path in paths]
+    else:
+        raise InputError(f"{len(paths)} logs for {len(names)} zones: give one file with all zones, or one for each")
+    return _joined(names, logs)
+
+
+def _columns_of(path: Path, zones: Sequence[str], settings: ReadSettings) -> list[dict[str, str]]:
+    """Return the columns of each zone as options of `read_log`."""
+    sheet = with_names(read_sheet(path, None, settings.skip_rows, settings.tag, settings.decimal_comma))
+    if not sheet.header:
+        raise InputError(f"{path.name}: columns without names; name them in a first row, so that zones are known")
+    found: dict[str, list[str]] = {role: [] for role in _ROLES}
+    for name in sheet.header:
+        role = role_of(name)
+        if role in found and not (is_cooling(name) or is_fan(name) or is_second_choice(name)):
+            found[role].append(name)
+    return [_of_zone(path, zone, number, len(zones), found) for number, zone in enumerate(zones)]
+
+
+def _of_zone(path: Path, zone: str, number: int, count: int, by_role: dict[str, list[str]]) -> dict[str, str]:
+    columns = {}
+    for role, names in by_role.items():
+        own = [name for name in names if zone.casefold() in name.casefold()]
+        if len(own) == 1:
+            columns[f"{role}_column"] = own[0]
+        elif len(names) == count:
+            columns[f"{role}_column"] = names[number]
+        elif role == "setpoint":
+            columns["setpoint_column"] = "none"
+        else:
+            raise InputError(
+                f"{path.name}: {len(own) or len(names)} columns may be the {role} of zone {zone!r} "
+                f"({', '.join(own or names) or 'none'}); name the columns by their zones, such as '{zone} {role}'")
+    return columns
+
+
+def _joined(zones: tuple[str, ...], logs: Sequence[Log]) -> ZoneLog:
+    """Return the rows that all zones have."""
+    common = logs[0].time_s
+    for log in logs[1:]:
+        near = np.abs(log.time_s[_nearest(log.time_s, common)] - common) <= _CLOCK_S
+        common = common[near]
+    for zone, log in zip(zones, logs, strict=True):
+        if log.power_pct is None:
+            raise InputError(f"{log.name}: zone {zone!r} has no power; log the power of each zone")
+        log.demand_heater_alone("which the zones cannot use: log heaters alone")
+        if len(common) < max(MIN_SAMPLES, len(log.time_s) // 2):
+            raise InputError(f"{len(common)} of {len(log.time_s)} rows of zone {zone!r} have the instants of the other "
+                             "zones; log all zones at the same instants")
+    rows = [_nearest(log.time_s, common) for log in logs]
+    has_setpoints = all(log.setpoint_degC is not None for log in logs)
+
+    def column(name: str) -> Array:
+        return np.column_stack([getattr(log, name)[row] for log, row in zip(logs, rows, strict=True)])
+
+    repairs = tuple(dict.fromkeys(repair for log in logs for repair in log.repairs if "was taken as the" not in repair))
+    return ZoneLog(
+        name=logs[0].name if len({log.name for log in logs}) == 1 else " and ".join(log.name for log in logs),
+        zones=zones, time_s=common, temperatures_degC=column("temperature_degC"), powers_pct=column("power_pct"),
+        setpoints_degC=column("setpoint_degC") if has_setpoints else None, repairs=repairs,
+        findings=tuple({finding.message: finding for finding in _unit_findings(zones, logs)}.values()))
+
+
+def _unit_findings(zones: Sequence[str], logs: Sequence[Log]) -> Iterator[Finding]:
+    for zone, log in zip(zones, logs, strict=True):
+        if log.taken is not None and log.taken.assumed:
+            yield Finding(name="unit-assumed", message=(
+                f"nothing in {log.taken.file} shows the unit of the {' and '.join(log.taken.assumed)} of zone {zone}; "
+                f"check, and state: {' '.join(log.taken.assumed.values())}"))
+
+
+def _nearest(time_s: Array, wanted_s: Array) -> Array:
+    after = np.clip(np.searchsorted(time_s, wanted_s), 1, len(time_s) - 1)
+    return np.asarray(after - (wanted_s - time_s[after - 1] < time_s[after] - wanted_s))

@@ -1,0 +1,599 @@
+"""The proof of all zones together: their words in one closed loop, on every plausible network, under every open point.
+
+The runs: all zones heated up together; of each zone a setpoint change, a load, an open heater circuit, the zone off and
+its heater stuck at full power; a restart of the PLC; zones started one after the other, in both orders.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Final, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from heatertune.arrays import Array
+from heatertune.errors import InputError, OutOfRange
+from heatertune.model.findings import KINDS, Finding, remedy_of
+from heatertune.plc import Scaling, controller_for
+from heatertune.plc.open_points import settings_to_prove
+from heatertune.plc.pwm import Actuator
+from heatertune.plc.words import Certificate, Words
+from heatertune.proof.criteria import LoopLimits
+from heatertune.proof.heaters import MAINS_POWERS, RESERVE_PCT
+from heatertune.proof.prove_words import actuator_for
+from heatertune.proof.spec_file import specification_of
+from heatertune.proof.verdict import FitDiagnostics
+from heatertune.settings import Conditions
+from heatertune.units import check
+from heatertune.zones.identify import FittedNetwork
+from heatertune.zones.joint_loop import JointTrace, ZoneEvent, ZoneLoop, run_zones
+from heatertune.zones.joint_tuning import JOINT_MS, JointDesign, joint_designs
+from heatertune.zones.network import ThermalNetwork
+
+__all__ = ["JointCriterion", "JointProof", "ZoneSpecification", "design_zones", "prove_zones"]
+
+_DRAWN: Final = 6
+_STEP_DEGC: Final = 5.0
+_DEVIATION: Final = 0.4  # of a neighbour's setpoint change
+_LOAD_PCT: Final = 20.0
+_DECAY: Final = 200.0  # the loop has settled where its slowest motion is so many times smaller
+_BEYOND: Final = 1.1  # times the logged rise that a setpoint may be above the ambient
+_IDLE_PCT: Final = 1.0  # power that a zone needs at least to hold its setpoint
+_NOT_TESTED: Final = ("a sensor that breaks", "mains that change while the zones run", "a setpoint profile")
+_COOLS: Final = 3.0  # time constants in which an overheated zone cools down
+_ORDERS: Final = 100  # of the zones' pulses tried at random
+_ATTEMPTS: Final = 4  # designs that are proven, each detuned further
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ZoneSpecification:
+    """What the zones must keep.
+
+    Attributes:
+        setpoints_degC: of the zones [°C].
+        step_degC: change of one zone's setpoint [°C].
+        deviation_degC: by which a neighbour may leave its setpoint meanwhile; None: 40 % of the change, at least the
+            tolerance [°C].
+        limits: of each loop, see `heatertune.proof.criteria.LoopLimits`.
+        rated_kw: full power of each zone's heater [kW]; empty: not stated.
+        peak_kw: most power of all heaters at once, None: no limit [kW].
+        staggered: whether the PWM periods begin one after the other, so that few heaters are on at once.
+    """
+
+    setpoints_degC: tuple[float, ...]
+    step_degC: float = _STEP_DEGC
+    deviation_degC: float | None = None
+    limits: LoopLimits
+    rated_kw: tuple[float, ...] = ()
+    peak_kw: float | None = None
+    staggered: bool = False
+
+    def __post_init__(self) -> None:
+        check("step_degC", self.step_degC, above=0.0)
+        if self.deviation_degC is not None:
+            check("deviation_degC", self.deviation_degC, above=0.0)
+        if self.rated_kw and len(self.rated_kw) != len(self.setpoints_degC):
+            raise InputError(f"{len(self.rated_kw)} rated powers for {len(self.setpoints_degC)} zones")
+        if self.peak_kw is not None and not self.rated_kw:
+            raise InputError("a limit of the peak power needs the rated power of each zone")
+
+    def deviation_limit_degC(self, change_degC: float) -> float:
+        """Return how far a neighbour may be from its setpoint during a change [°C]."""
+        if self.deviation_degC is not None:
+            return self.deviation_degC
+        return max(_DEVIATION * change_degC, self.limits.tolerance_degC)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointCriterion:
+    """One figure of a run and its limit.
+
+    Attributes:
+        name: what was measured, with its unit.
+        value, limit: the value must not exceed the limit.
+        where: zone and run.
+    """
+
+    name: str
+    value: float
+    limit: float
+    where: str
+
+    @property
+    def ok(self) -> bool:
+        """Whether the limit is kept."""
+        return self.value <= self.limit
+
+    @property
+    def share(self) -> float:
+        """The value as a share of its limit; a limit of 0 that is kept counts as 0."""
+        return 0.0 if self.value <= 0.0 else self.value / self.limit if self.limit > 0.0 else math.inf
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class JointProof:
+    """The proof of the words of all zones.
+
+    Attributes:
+        design: that was proven.
+        fitted: the network and its intervals.
+        specification: what the zones must keep.
+        actuator: of each zone.
+        offsets_s: begin of each zone's PWM period after the first [s].
+        criteria: the worst of each kind over all runs.
+        runs: label of each run.
+        findings: that leave the words unproven unless they are accepted.
+        accepted: names of accepted findings.
+        not_tested: what no run shows, a few words each.
+        peak_heaters, peak_kw: most heaters on at once while the setpoints are held, and their power [kW].
+        heaters_bound: ⌈Σ duty⌉ on the best fit: as many must be on at once at times.
+        bound_share: share of the PWM periods, while the setpoints are held, in which no more than ⌈Σ duty⌉ of the run's
+            network are on at once.
+        trace: the first run, on the best fit.
+    """
+
+    design: JointDesign
+    fitted: FittedNetwork
+    specification: ZoneSpecification
+    actuator: Actuator
+    offsets_s: tuple[float, ...]
+    criteria: tuple[JointCriterion, ...]
+    runs: tuple[str, ...]
+    findings: tuple[Finding, ...]
+    accepted: tuple[str, ...]
+    not_tested: tuple[str, ...]
+    peak_heaters: int
+    peak_kw: float | None
+    heaters_bound: int
+    bound_share: float
+    trace: JointTrace
+
+    @property
+    def words(self) -> tuple[Words, ...]:
+        """The controller parameters of each zone."""
+        return self.design.words
+
+    @property
+    def blocking(self) -> tuple[Finding, ...]:
+        """Findings that leave the words unproven."""
+        return tuple(each for each in self.findings
+                     if each.kind.effect == "blocks" and each.name not in self.accepted)
+
+    @property
+    def verdict(self) -> str:
+        """PASS, FAIL or NOT PROVEN."""
+        if not all(criterion.ok for criterion in self.criteria):
+            return "FAIL"
+        return "NOT PROVEN" if self.blocking else "PASS"
+
+    @property
+    def neighbour_deviation_degC(self) -> float:
+        """Largest distance of a zone from its setpoint while another one's setpoint changes [°C]."""
+        return max((each.value for each in self.criteria if each.name == "neighbour deviation [°C]"), default=0.0)
+
+    def summary(self) -> str:
+        """Return the verdict and what it rests on, a line each."""
+        zones = self.fitted.network.zones
+        lines = [f"{self.verdict}: {len(zones)} zones together at "
+                 f"{', '.join(f'{each:g}' for each in self.specification.setpoints_degC)} °C in {len(self.runs)} runs"]
+        lines += [f"not kept: {each.name} {each.value:.4g}, limit {each.limit:.4g} ({each.where})"
+                  for each in self.criteria if not each.ok]
+        for each in self.blocking:
+            remedy = remedy_of(each.name, [])
+            lines.append(f"not proven ({each.name}): {each.message}; {remedy}, or --accept {each.name}")
+        lines += [f"accepted: {KINDS[name].short}" for name in self.accepted]
+        lines += [f"not tested: {', '.join(self.not_tested)}"] if self.not_tested else []
+        lines += [f"{each.name}: {each.value:.4g} of {each.limit:.4g} ({each.where})"
+                  for each in self.criteria if each.ok]
+        peak = "" if self.peak_kw is None else f", {self.peak_kw:.4g} kW"
+        lines.append(f"heaters on at once while the setpoints are held: at most {self.peak_heaters}{peak}; the duties "
+                     f"need {self.heaters_bound}, kept in {100.0 * self.bound_share:.4g} % of the PWM periods")
+        return "\n".join(lines)
+
+    def certificate(self) -> Certificate:
+        """Return what each export says about this proof."""
+        kept = tuple(f"{each.name}: " for each in self.criteria if each.ok)
+        lines = (f"proven together with the other zones: {', '.join(self.fitted.network.zones)}",
+                 *(line for line in self.summary().splitlines()[1:] if not line.startswith(kept)))
+        return Certificate(verdict=self.verdict, lines=lines, forced=self.verdict != "PASS", actuator=self.actuator)
+
+
+class _Phase(NamedTuple):
+    """A part of a run: what is judged between two instants."""
+
+    kind: str
+    zone: int
+    start_s: float
+    end_s: float
+    change_degC: float = 0.0
+    idle: tuple[int, ...] = ()  # zones that are not judged
+
+
+def design_zones(
+    fitted: FittedNetwork, target: str, setpoints_degC: float | Sequence[float] | None = None, *,
+    scaling: Scaling | None = None, structure: str = "pi", conditions: Conditions | None = None,
+    specification: ZoneSpecification | None = None, sample_time_s: float | None = None,
+) -> JointProof:
+    """Tune all zones together and prove them; the first design that passes, else the one that comes nearest.
+
+    Args:
+        fitted: the network, see `heatertune.zones.fit_network` and `network_by_hand`.
+        target: the controller of all zones.
+        setpoints_degC: one for all zones or one for each; None: the last logged ones [°C].
+        scaling: sensor range; None: 0…100 °C.
+        structure: "pi" or "pid".
+        conditions: PWM, limits, accepted findings and known open points; None: the defaults.
+        specification: what the zones must keep; None: that of `conditions` at the setpoints.
+        sample_time_s: common interval of the controllers; None: found with the design [s].
+
+    Raises:
+        InputError: no setpoint is known, or no design is robust for all plausible networks.
+        OutOfRange, UnknownName, NotRepresentable: as `joint_designs` and `actuator_for`.
+    """
+    asked = conditions or Conditions()
+    spec = specification or specification_for(fitted, setpoints_degC, asked)
+    best: JointProof | None = None
+    for attempt, design in enumerate(joint_designs(
+            fitted, target, scaling=scaling, structure=structure, sample_time_s=sample_time_s)):
+        proof = prove_zones(design, fitted, spec, asked, up_to_failure=True)
+        if best is None or _strain(proof) < _strain(best):
+            best = proof
+        if proof.verdict != "FAIL" or attempt + 1 == _ATTEMPTS:
+            break
+    if best is None:
+        raise InputError(f"no {structure} of {target} keeps Ms {JOINT_MS:g} on all plausible networks: log longer "
+                         "steps of each zone's power, which narrows the intervals")
+    return best if best.verdict != "FAIL" else prove_zones(best.design, fitted, spec, asked)
+
+
+def _strain(proof: JointProof) -> float:
+    return max(each.share for each in proof.criteria)
+
+
+def specification_for(
+    fitted: FittedNetwork, setpoints_degC: float | Sequence[float] | None, conditions: Conditions
+) -> ZoneSpecification:
+    """Return the specification of conditions at setpoints; arguments and errors as `design_zones`."""
+    count = len(fitted.network.zones)
+    if setpoints_degC is None:
+        if fitted.setpoints_degC is None:
+            raise InputError("no setpoint is known: the log has none for every zone; state it (--setpoint)")
+        setpoints_degC = fitted.setpoints_degC
+    values = [setpoints_degC] * count if isinstance(setpoints_degC, int | float) else list(setpoints_degC)
+    if len(values) != count:
+        raise InputError(f"{len(values)} setpoints for {count} zones: state one for all, or one for each")
+    network = fitted.network
+    slowest = max(lag + dead for lag, dead in zip(network.time_constants_s, network.dead_times_s, strict=True))
+    return ZoneSpecification(setpoints_degC=tuple(map(float, values)),
+                             limits=specification_of(conditions).limits_for(slowest))
+
+
+def prove_zones(
+    design: JointDesign, fitted: FittedNetwork, specification: ZoneSpecification, conditions: Conditions | None = None,
+    *, up_to_failure: bool = False,
+) -> JointProof:
+    """Run the words of all zones together, see this module.
+
+    Args:
+        design: with the words.
+        fitted: the network and its intervals.
+        specification: what the zones must keep.
+        conditions: PWM, accepted findings and known open points; None: the defaults.
+        up_to_failure: end with the first run that breaks a limit.
+
+    Raises:
+        InputError, OutOfRange, UnknownName: as `heatertune.zones.joint_loop.run_zones` and `actuator_for`.
+    """
+    asked = conditions or Conditions()
+    FitDiagnostics(accepted=asked.accept)  # refuses a name that blocks nothing
+    for name, setpoint in zip(fitted.network.zones, specification.setpoints_degC, strict=True):
+        low, high = design.words[0].scaling.sensor_degC
+        if not low < setpoint < high:
+            rule = f"> {low:g} and < {high:g}, the sensor's range (--range)"
+            raise OutOfRange(f"setpoint of zone {name}", setpoint, rule)
+    actuator = actuator_for(asked, design.words[0])
+    networks = fitted.draw(_DRAWN)
+    held = [network.holding_pct(specification.setpoints_degC) for _, network in networks]
+    staggered = specification.staggered or specification.peak_kw is not None
+    likely = [held[0], *(held[0] * share for share in (0.9, 1.05, 1.1, 1.0 / MAINS_POWERS[0], 1.0 / MAINS_POWERS[1]))]
+    offsets = (0.0,) * len(held[0])
+    if staggered:
+        offsets = offsets_for(np.array([*likely, *held[1:]]), actuator.pwm_period_s, actuator.resolution_s)
+    prover = _Prover(design, fitted, specification, ZoneLoop(words=design.words, actuator=actuator, offsets_s=offsets))
+    criteria, traces, runs = prover.static(held), list[JointTrace](), list[str]()
+    for label, run in prover.runs(networks, asked.switches):
+        result, judged = run()
+        criteria += [replace(each, where=f"{each.where}, {label}") for each in judged]
+        runs.append(label)
+        traces = traces or [result]
+        if up_to_failure and not all(each.ok for each in criteria):
+            break
+    peak = prover.peak
+    found = list({each.name: each for each in sorted(criteria, key=lambda criterion: criterion.share)}.values())
+    peak_kw = sum(sorted(specification.rated_kw, reverse=True)[:peak.most]) if specification.rated_kw else None
+    if specification.peak_kw is not None and peak_kw is not None:
+        found.append(JointCriterion(name="peak power [kW]", value=peak_kw, limit=specification.peak_kw,
+                                    where="all zones, while the setpoints are held"))
+    return JointProof(
+        design=design, fitted=fitted, specification=specification, actuator=actuator, offsets_s=offsets,
+        criteria=tuple(found), runs=tuple(runs), findings=(*fitted.findings, *_beyond_log(fitted, specification)),
+        accepted=tuple(asked.accept), not_tested=(*dict.fromkeys(prover.not_tested), *_NOT_TESTED),
+        peak_heaters=peak.most, peak_kw=peak_kw, heaters_bound=peak.bound, bound_share=peak.share, trace=traces[0])
+
+
+def offsets_for(duties_pct: npt.ArrayLike, period_s: float, resolution_s: float) -> tuple[float, ...]:
+    """Return offsets of PWM periods with which as few heaters as can be are on at once.
+
+    Pulses that follow each other around the period need no more than ⌈Σ duty⌉ heaters at once. Of several such orders,
+    and of offsets spread evenly, those are taken with which other plausible duties need the fewest beyond that, too.
+
+    Args:
+        duties_pct: of each zone, in one row for each plausible case, the most likely one first, shape (m, n) [%].
+        period_s: of the PWM [s].
+        resolution_s: offsets are multiples of it [s].
+    """
+    shares = np.clip(np.atleast_2d(np.asarray(duties_pct, dtype=np.float64)), 0.0, 100.0) / 100.0
+    count, random = shares.shape[1], np.random.default_rng(1)
+    gap = (math.ceil(float(shares[0].sum())) - float(shares[0].sum())) / count  # room for duties that vary
+    best: tuple[tuple[int, int], Array] | None = None
+    for order in [np.arange(count), np.argsort(shares[0]), *(random.permutation(count) for _ in range(_ORDERS))]:
+        for width in (shares[0][order] + gap, shares[0][order], np.full(count, 1.0 / count)):
+            begins = np.empty(count)
+            begins[order] = np.concatenate([[0.0], np.cumsum(width)[:-1]]) % 1.0
+            begins = np.round(begins * period_s / resolution_s) * resolution_s / period_s % 1.0
+            beyond = [_most_at_once(begins, share) - math.ceil(float(share.sum()) - 1e-9) for share in shares]
+            rank = max(beyond[0], 0), int(np.sum(np.maximum(beyond, 0)))
+            if best is None or rank < best[0]:
+                best = rank, begins
+    assert best is not None
+    first = best[1][0]
+    return tuple(round(float((begin - first) % 1.0 * period_s / resolution_s)) * resolution_s % period_s
+                 for begin in best[1])
+
+
+def _most_at_once(begins: Array, shares: Array) -> int:
+    """Return how many pulses around a period overlap at most; each begins where another does not yet end."""
+    since = (begins[:, None] - begins) % 1.0  # at the begin of each pulse
+    return int(np.max(np.sum(since < shares - 1e-9, axis=1)))
+
+
+def _beyond_log(fitted: FittedNetwork, specification: ZoneSpecification) -> Iterator[Finding]:
+    if fitted.highest_degC is None:
+        return
+    for zone, name in enumerate(fitted.network.zones):
+        ambient, high = fitted.network.ambients_degC[zone], fitted.highest_degC[zone]
+        if specification.setpoints_degC[zone] > ambient + _BEYOND * (high - ambient):
+            yield Finding(name="beyond-the-log", message=(
+                f"the setpoint of zone {name}, {specification.setpoints_degC[zone]:g} °C, lies beyond its log, which "
+                f"goes up to {high:.4g} °C"))
+            return
+
+
+class _Prover:
+    """The runs of one design and their criteria."""
+
+    def __init__(
+        self, design: JointDesign, fitted: FittedNetwork, specification: ZoneSpecification, loop: ZoneLoop
+    ) -> None:
+        self.design, self.fitted, self.specification, self.loop = design, fitted, specification, loop
+        self.zones, self.count = fitted.network.zones, len(fitted.network.zones)
+        self.setpoints = np.array(specification.setpoints_degC)
+        self.not_tested: list[str] = []
+        self.peak = _PeakPower()
+        tight = max(max(network.dead_times_s) for _, network in fitted.draw(0))
+        radius = min(max(design.radius, 1e-3), 1.0 - 1e-6)
+        settle = -math.log(_DECAY) / math.log(radius) * loop.sample_time_s + 2.0 * tight
+        self.settle_s = max(settle, 6.0 * tight, 20.0 * loop.sample_time_s)
+        integral = max(each.integral_time_s for each in design.designs)
+        self.open_s = 2.0 * integral
+
+    def static(self, powers_pct: Sequence[Array]) -> list[JointCriterion]:
+        """Return the criteria that need no run: margins, and the power that holds the setpoints."""
+        design, where = self.design, "all plausible networks"
+        most, least = max(map(np.max, powers_pct)), min(map(np.min, powers_pct))
+        criteria = [
+            JointCriterion(name="largest singular value of S", value=design.joint_ms, limit=JOINT_MS, where=where),
+            JointCriterion(name="Ms of a zone alone", value=design.alone_ms, limit=JOINT_MS, where=where),
+            JointCriterion(name="power to hold the setpoints [%]", value=float(most), limit=100.0 - RESERVE_PCT,
+                           where=where)]
+        if least < 0.0:
+            zone = self.zones[int(np.argmin(min(powers_pct, key=np.min)))]
+            criteria.append(JointCriterion(
+                name="cooling that a zone would need [%]", value=-float(least), limit=0.0,
+                where=f"zone {zone}: its neighbours heat it beyond its setpoint; raise it, or lower theirs"))
+        return criteria
+
+    def runs(self, networks: Sequence[tuple[str, ThermalNetwork]], stated: Mapping[str, str]) -> Iterator[
+            tuple[str, partial[tuple[JointTrace, list[JointCriterion]]]]]:
+        """Yield label and run, the whole sequence on the best fit first."""
+        settings = settings_to_prove(controller_for(self.design.words[0].target).switches, stated)
+        every = list(range(self.count))
+        nominal = networks[0][1]
+        yield networks[0][0], partial(self._in_use, nominal, settings[0], every, whole=True)
+        for number, (label, network) in enumerate(networks[1:]):
+            yield label, partial(self._in_use, network, settings[0], [number % self.count])
+        for power in MAINS_POWERS:
+            label = f"mains power {100.0 * power:.0f} %"
+            gains = tuple(power * gain for gain in nominal.gains_degC_per_pct)
+            scaled = replace(nominal, gains_degC_per_pct=gains)
+            if float(np.max(scaled.holding_pct(self.setpoints))) <= 100.0 - RESERVE_PCT:
+                yield label, partial(self._in_use, scaled, settings[0], [0])
+            else:
+                self.not_tested.append(f"{label} (it cannot hold the setpoints)")
+        for number, setting in enumerate(settings[1:]):
+            label = ", ".join(f"{name} = {value}" for name, value in setting.items() if value != settings[0][name])
+            yield label, partial(self._in_use, nominal, setting, [number % self.count])
+            yield f"zones started in turn, {label}", partial(self._in_turn, nominal, setting, every)
+        yield "zones started in turn", partial(self._in_turn, nominal, settings[0], every)
+        yield "zones started in reverse", partial(self._in_turn, nominal, settings[0], every[::-1])
+
+    def _heat_up_s(self, network: ThermalNetwork) -> float:
+        share = min(float(np.max(network.holding_pct(self.setpoints))) / 100.0, 0.95)
+        alone = max(network.time_constants_s) + sum(network.second_time_constants_s)
+        return -alone * math.log(1.0 - max(share, 0.1)) + max(network.dead_times_s) + self.settle_s
+
+    def _change_degC(self, network: ThermalNetwork, zone: int) -> float:
+        """Return the largest setpoint change of a zone that all zones can hold, up to the one asked for [°C]."""
+        moved = np.zeros(self.count)
+        moved[zone] = 1.0
+        base = network.holding_pct(self.setpoints)
+        slope = network.holding_pct(self.setpoints + moved) - base
+        _, high = self.loop.words[0].scaling.sensor_degC
+        room = [self.specification.step_degC, 0.95 * (high - self.setpoints[zone])]
+        room += [(base[i] - _IDLE_PCT) / -slope[i] for i in range(self.count) if slope[i] < 0.0]
+        room += [(100.0 - RESERVE_PCT - base[i]) / slope[i] for i in range(self.count) if slope[i] > 0.0]
+        return float(min(room))
+
+    def _in_use(
+        self, network: ThermalNetwork, switches: Mapping[str, str], zones: Sequence[int], *, whole: bool = False
+    ) -> tuple[JointTrace, list[JointCriterion]]:
+        """Run the sequence of use: heat-up, then for some zones what may happen to each."""
+        heat_s, wait = self._heat_up_s(network), self.settle_s
+        events = [event for zone in range(self.count) for event in (
+            ZoneEvent(0.0, "setpoint", zone, float(self.setpoints[zone])), ZoneEvent(0.0, "on", zone))]
+        phases, now = [_Phase("heat-up", -1, 0.0, heat_s)], heat_s
+        for zone in zones:
+            change, setpoint = self._change_degC(network, zone), float(self.setpoints[zone])
+            if change >= 0.2 * self.specification.step_degC:
+                events += [ZoneEvent(now, "setpoint", zone, setpoint + change),
+                           ZoneEvent(now + wait, "setpoint", zone, setpoint)]
+                phases += [_Phase("setpoint change", zone, now, now + wait, change),
+                           _Phase("setpoint back", zone, now + wait, now + 2.0 * wait, change)]
+                now += 2.0 * wait
+            else:
+                name = self.zones[zone]
+                self.not_tested.append(f"a higher setpoint of zone {name} alone (its neighbours could not hold theirs)")
+            load = min(_LOAD_PCT, 100.0 - RESERVE_PCT - float(network.holding_pct(self.setpoints)[zone]))
+            if load > _IDLE_PCT:
+                events += [ZoneEvent(now, "load", zone, load), ZoneEvent(now + wait, "load", zone, 0.0)]
+                phases += [_Phase("load", zone, now, now + wait),
+                           _Phase("load gone", zone, now + wait, now + 2.0 * wait)]
+                now += 2.0 * wait
+            now = self._faults(network, zone, now, events, phases, whole=whole)
+        events.append(ZoneEvent(now, "restart", 0))
+        phases.append(_Phase("restart", -1, now, now + 2.0 * wait))
+        trace = run_zones(self.loop, network, events, now + 2.0 * wait, switches=switches)
+        held = [phase for phase in phases if phase.kind in ("load gone", "setpoint back", "restart")]
+        duties = np.clip(network.holding_pct(self.setpoints), 0.0, 100.0)
+        self.peak.count(trace, held, self.loop.period_s, math.ceil(float(duties.sum()) / 100.0 - 1e-9))
+        return trace, self._judged(trace, network, phases)
+
+    def _faults(
+        self, network: ThermalNetwork, zone: int, now: float, events: list[ZoneEvent], phases: list[_Phase], *,
+        whole: bool,
+    ) -> float:
+        """Add the open circuit of a zone, and in the whole sequence the zone off and stuck; return the end [s]."""
+        wait = self.settle_s
+        faults = ("open", "closed", self.open_s), ("off", "on", wait), ("stuck", "closed", self.open_s)
+        for kind, ends, lasts in faults:
+            if kind != "open" and not whole:
+                continue
+            others = tuple(other for other in range(self.count) if other != zone)
+            holdable = kind == "off" and self._can_hold(network, others)
+            events += [ZoneEvent(now, kind, zone), ZoneEvent(now + lasts, ends, zone)]
+            phases += [_Phase(f"others with the zone {kind}", zone, now, now + lasts, idle=(zone,))] if holdable else []
+            again = 1.5 * wait + {"open": 0.0, "off": self._heat_up_s(network) - wait,
+                                  "stuck": _COOLS * max(network.time_constants_s)}[kind]
+            phases.append(_Phase(f"after the zone was {kind}", zone, now + lasts, now + lasts + again))
+            now += lasts + again
+        return now
+
+    def _in_turn(
+        self, network: ThermalNetwork, switches: Mapping[str, str], order: Sequence[int]
+    ) -> tuple[JointTrace, list[JointCriterion]]:
+        """Start the zones one after the other, each when the one before has had time to settle."""
+        each_s = self._heat_up_s(network)
+        events: list[ZoneEvent] = []
+        phases: list[_Phase] = []
+        for place, zone in enumerate(order):
+            now, begun = place * each_s, tuple(order[: place + 1])
+            events += [ZoneEvent(now, "setpoint", zone, float(self.setpoints[zone])), ZoneEvent(now, "on", zone)]
+            if self._can_hold(network, begun):
+                idle = tuple(other for other in range(self.count) if other not in begun)
+                phases.append(_Phase("started in turn", zone, now, now + each_s, idle=idle))
+        end = len(order) * each_s + self.settle_s
+        phases.append(_Phase("all started", -1, end - self.settle_s, end))
+        trace = run_zones(self.loop, network, events, end, switches=switches)
+        return trace, self._judged(trace, network, phases)
+
+    def _can_hold(self, network: ThermalNetwork, zones: Sequence[int]) -> bool:
+        """Return whether some zones hold their setpoints while the others get no power."""
+        chosen = list(zones)
+        rise = np.column_stack([network.steady_degC(row) - network.steady_degC([0.0] * self.count)
+                                for row in np.eye(self.count)])
+        wanted = self.setpoints - network.steady_degC([0.0] * self.count)
+        power = np.linalg.solve(rise[np.ix_(chosen, chosen)], wanted[chosen])
+        return bool(np.all(power <= 100.0 - RESERVE_PCT) and np.all(power >= _IDLE_PCT))
+
+    def _judged(self, trace: JointTrace, network: ThermalNetwork, phases: Sequence[_Phase]) -> list[JointCriterion]:
+        found = [JointCriterion(name="overflows", value=float(trace.overflows), limit=0.0, where="all zones")]
+        for phase in phases:
+            inside = (trace.time_s >= phase.start_s) & (trace.time_s < phase.end_s)
+            error = (trace.temperatures_degC - trace.setpoints_degC)[inside]
+            last = error[-max(len(error) // 5, 2):]
+            for zone in range(self.count):
+                if zone not in phase.idle:
+                    found += self._of_zone(phase, zone, error[:, zone], last[:, zone], network)
+        return found
+
+    def _of_zone(
+        self, phase: _Phase, zone: int, error: Array, last: Array, network: ThermalNetwork
+    ) -> Iterator[JointCriterion]:
+        limits, name = self.specification.limits, self.zones[zone]
+        where = f"zone {name}, {phase.kind}" + ("" if phase.zone < 0 else f" ({self.zones[phase.zone]})")
+        make = partial(JointCriterion, where=where)
+        yield make(name="offset at rest [°C]", value=float(np.abs(last.mean())), limit=limits.tolerance_degC)
+        yield make(name="swing at rest [°C]", value=float(np.ptp(last)), limit=limits.tolerance_degC)
+        yield make(name="error at rest [°C]", value=float(np.abs(last).max()), limit=limits.tolerance_degC)
+        rise = max(float(self.setpoints[zone]) - network.ambients_degC[zone], 1.0)
+        over = 100.0 * float(error.max()) / rise
+        if phase.kind in ("heat-up", "restart", "started in turn"):
+            if limits.overshoot_pct is not None and (phase.zone in (-1, zone)):
+                yield make(name="overshoot [%]", value=over, limit=limits.overshoot_pct)
+        elif phase.kind.startswith("after") and zone == phase.zone and "stuck" not in phase.kind:
+            if limits.reheat_overshoot_pct is not None:
+                yield make(name="overshoot after a fault [%]", value=over, limit=limits.reheat_overshoot_pct)
+        elif phase.kind.startswith("setpoint") and zone != phase.zone:
+            yield make(name="neighbour deviation [°C]", value=float(np.abs(error).max()),
+                       limit=self.specification.deviation_limit_degC(phase.change_degC))
+        elif phase.kind == "setpoint change" and limits.small_change_overshoot_pct is not None:
+            yield make(name="overshoot of a setpoint change [°C]", value=float(error.max()), limit=max(
+                limits.small_change_overshoot_pct / 100.0 * phase.change_degC, limits.tolerance_degC))
+        elif phase.kind in ("load", "load gone") and limits.recovery_overshoot_pct is not None:
+            yield make(name="overshoot after a load [%]",
+                       value=100.0 * float((error if phase.kind == "load" else -error).max()) / rise,
+                       limit=limits.recovery_overshoot_pct)
+
+
+@dataclass(slots=True)
+class _PeakPower:
+    """How many heaters are on at once while the setpoints are held, over all runs."""
+
+    most: int = 0
+    bound: int = 0
+    periods: int = 0
+    within_bound: int = 0
+
+    @property
+    def share(self) -> float:
+        """Share of the PWM periods in which no more heaters than the bound are on at once."""
+        return self.within_bound / self.periods if self.periods else 1.0
+
+    def count(self, trace: JointTrace, phases: Sequence[_Phase], period_s: float, bound: int) -> None:
+        """Count the heaters in the last fifth of phases in which the setpoints are held; `bound` is ⌈Σ duty⌉."""
+        self.bound = self.bound or bound  # that of the best fit, which runs first
+        instants, on = trace.heaters_on()
+        for phase in phases:
+            start = phase.end_s - 0.2 * (phase.end_s - phase.start_s)
+            inside = (instants >= start) & (instants < phase.end_s)
+            period = np.floor((instants[inside] - start) / period_s).astype(np.int64)
+            if len(period):
+                most = np.zeros(int(period.max()) + 1)
+                np.maximum.at(most, period, on[inside])
+                self.most = max(self.most, int(most.max()))
+                self.periods += len(most)
+                self.within_bound += int(np.count_nonzero(most <= bound))

@@ -1,0 +1,210 @@
+"""PI or PID of each zone under joint robustness.
+
+Each zone is tuned by the tuner of one loop for two heaters: itself with its neighbours held at their temperatures,
+where it answers fastest, and itself with its neighbours moving along, where it answers slowest. All zones are then
+detuned together, by a smaller Ms of each, until the whole loop is robust: the largest singular value of
+S = (I + G·C)⁻¹ stays within its limit on every plausible network, and so does the largest sensitivity of each zone
+alone with the others off.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from heatertune.errors import InputError
+from heatertune.model.statistics import Interval
+from heatertune.model.values import Candidate, FitOutcome, FittedModel, Fopdt
+from heatertune.pid.sampled_loop import controller_response
+from heatertune.pid.values import PidDesign
+from heatertune.plc import Scaling, controller_for
+from heatertune.plc.design import tune
+from heatertune.plc.word_selection import choose_words
+from heatertune.plc.words import Words
+from heatertune.settings import TuneSettings
+from heatertune.zones.identify import FittedNetwork
+from heatertune.zones.network import ThermalNetwork
+
+__all__ = ["JOINT_MS", "JointDesign", "closed_loop_radius", "joint_designs", "joint_sensitivity", "sensitivity_alone",
+           "zone_model"]
+
+Complex = npt.NDArray[np.complex128]
+
+#: largest singular value of S that a design may have; and the largest sensitivity of a zone alone
+JOINT_MS: Final = 2.0
+#: Ms that each zone is tuned for, in turn
+_LADDER: Final = (1.6, 1.5, 1.4, 1.32, 1.25, 1.2, 1.15, 1.1)
+_DRAWN: Final = 12
+_FREQUENCIES: Final = 300
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointDesign:
+    """The controllers of all zones.
+
+    Attributes:
+        designs: as the words realise them.
+        words: of each zone.
+        ms_zone: for which each zone was tuned.
+        joint_ms: largest singular value of S over all plausible networks.
+        alone_ms: largest sensitivity of a zone with the others off, over all plausible networks.
+        radius: largest magnitude of an eigenvalue of the sampled closed loop.
+    """
+
+    designs: tuple[PidDesign, ...]
+    words: tuple[Words, ...]
+    ms_zone: float
+    joint_ms: float
+    alone_ms: float
+    radius: float
+
+    @property
+    def is_robust(self) -> bool:
+        """Whether the joint loop and each zone alone keep the limit."""
+        return max(self.joint_ms, self.alone_ms) <= JOINT_MS and self.radius < 1.0
+
+
+def zone_model(fitted: FittedNetwork, zone: int, networks: Sequence[ThermalNetwork]) -> FittedModel:
+    """Return what the tuner of one loop takes: a zone with its neighbours held, and with its neighbours moving along.
+
+    Args:
+        fitted: the network.
+        zone: its number.
+        networks: plausible networks.
+    """
+    heaters = [heater for network in networks for heater in (
+        network.neighbours_held(zone), _alone(network).neighbours_held(zone))]
+    kept = list(dict.fromkeys(heaters))
+    candidates = tuple(Candidate(
+        model=heater, log=fitted.log, window_s=(0.0, 0.0), law="power logged, all zones", fit_pct=math.nan,
+        rmse_degC=math.nan, delta_bic=0.0) for heater in kept)
+    nominal = kept[0]
+    model = nominal if isinstance(nominal, Fopdt) else nominal.half_rule()
+    dead = fitted.ci95[f"dead_time_s {fitted.network.zones[zone]}"]
+    return FittedModel(
+        model=model, outcome=FitOutcome.IDENTIFIED, method="zone of a thermal network", candidates=candidates,
+        ci95={"dead_time_s": Interval(low=max(dead.low or 0.0, 0.0), high=dead.high)},
+        least_dead_time_s=0.5 * fitted.interval_s,
+        reading_step_degC=fitted.noise_degC[zone] if fitted.noise_degC else 0.0, log_interval_s=fitted.interval_s)
+
+
+def _alone(network: ThermalNetwork) -> ThermalNetwork:
+    return replace(network, exchange=np.zeros_like(network.exchange))
+
+
+def joint_designs(
+    fitted: FittedNetwork, target: str, *, scaling: Scaling | None = None, structure: str = "pi",
+    sample_time_s: float | None = None,
+) -> Iterator[JointDesign]:
+    """Yield robust designs, the fastest first; each is detuned further than the one before.
+
+    Args:
+        fitted: the network.
+        target: the controller of all zones.
+        scaling: sensor range of all zones; None: 0…100 °C.
+        structure: "pi" or "pid".
+        sample_time_s: common interval of the controllers; None: the shortest that the tuner finds for a zone [s].
+
+    Raises:
+        InputError: another structure.
+        UnknownName, OutOfRange, NotRepresentable: as `heatertune.plc.design.tune` and `choose_words`.
+    """
+    if structure not in ("pi", "pid"):
+        raise InputError(f"structure {structure!r}: zones are tuned as pi or pid")
+    networks = [network for _, network in fitted.draw(_DRAWN)]
+    models = [zone_model(fitted, zone, networks[:3]) for zone in range(len(fitted.network.zones))]
+    asked = TuneSettings(structure=structure, sample_time_s=sample_time_s)
+    if sample_time_s is None:
+        found = [tune(model, asked, target=target, scaling=scaling).sample_time_s for model in models]
+        asked = replace(asked, sample_time_s=min(found))
+    delay = controller_for(target).delayed_s(scaling or Scaling())
+    for ms in _LADDER:
+        designs = [tune(model, replace(asked, ms=ms), target=target, scaling=scaling) for model in models]
+        words = tuple(choose_words(design, target, model, scaling=scaling).words
+                      for design, model in zip(designs, models, strict=True))
+        realised = tuple(_realised(each) for each in words)
+        design = JointDesign(
+            designs=realised, words=words, ms_zone=ms,
+            joint_ms=max(joint_sensitivity(network, realised, delay) for network in networks),
+            alone_ms=max(sensitivity_alone(network, realised, delay) for network in networks),
+            radius=max(closed_loop_radius(network, realised, delay) for network in networks[:3]))
+        if design.is_robust:
+            yield design
+
+
+def _realised(words: Words) -> PidDesign:
+    design = controller_for(words.target).decode(words)
+    if design is None:
+        raise InputError(f"{words.target} is no PID: zones need one")
+    return design
+
+
+def joint_sensitivity(network: ThermalNetwork, designs: Sequence[PidDesign], delay_s: float = 0.0) -> float:
+    """Return the largest singular value of S = (I + G·C)⁻¹ over all frequencies.
+
+    Args:
+        network: the heaters.
+        designs: of all zones, with one interval.
+        delay_s: of the controllers' input and output [s].
+    """
+    plant, control = _responses(network, designs, delay_s)
+    difference = np.eye(len(designs)) + plant * control[:, None, :]
+    return float(1.0 / np.linalg.svd(difference, compute_uv=False)[:, -1].min())
+
+
+def sensitivity_alone(network: ThermalNetwork, designs: Sequence[PidDesign], delay_s: float = 0.0) -> float:
+    """Return the largest sensitivity of any zone while the others are off or in manual; arguments as above."""
+    plant, control = _responses(network, designs, delay_s)
+    own = np.diagonal(plant, axis1=1, axis2=2) * control
+    return float(np.max(1.0 / np.abs(1.0 + own)))
+
+
+def _responses(network: ThermalNetwork, designs: Sequence[PidDesign], delay_s: float) -> tuple[Complex, Complex]:
+    interval = designs[0].sample_time_s
+    slowest = max(*network.time_constants_s, *(design.integral_time_s for design in designs), interval)
+    omega = np.geomspace(min(1e-2 / slowest, 1e-2 * math.pi / interval), math.pi / interval, _FREQUENCIES)
+    control = np.stack([controller_response(design, omega) for design in designs], axis=1)
+    return network.pulse_response(omega, interval, delay_s), control
+
+
+def closed_loop_radius(network: ThermalNetwork, designs: Sequence[PidDesign], delay_s: float = 0.0) -> float:
+    """Return the largest magnitude of the eigenvalues of the sampled closed loop; arguments as `joint_sensitivity`.
+
+    The states are the network's modes, the powers on their way, and of each controller the sum of the errors, the
+    filtered difference and the last error.
+    """
+    modes, interval, count = network.modes, designs[0].sample_time_s, len(designs)
+    size, dead = len(modes.rates), [divmod(late + delay_s, interval) for late in network.dead_times_s]
+    places = np.cumsum([size, *(int(whole) + 1 for whole, _ in dead)])  # the powers on their way
+    states = places[-1] + 3 * count
+    matrix = np.zeros((states, states), dtype=np.complex128)
+    matrix[:size, :size] = np.diag(np.exp(modes.rates * interval))
+    for zone, (design, (whole, rest)) in enumerate(zip(designs, dead, strict=True)):
+        begin, total, own = places[zone], places[-1] + 3 * zone, int(whole)
+        error, difference, power = (np.zeros(states, dtype=np.complex128) for _ in range(3))
+        error[:size] = -modes.outputs[zone]
+        filtered = design.derivative_filter
+        share = (1.0 - filtered) * design.derivative_time_s / interval
+        difference += share * error
+        difference[[total + 1, total + 2]] += [filtered, -share]
+        sums = error.copy()
+        sums[total] += 1.0
+        power += design.gain_pct_per_degC * (error + interval / design.integral_time_s * sums + difference)
+        matrix[total], matrix[total + 1], matrix[total + 2] = sums, difference, error
+        now = np.expm1(modes.rates * (interval - rest)) / modes.rates * modes.inputs[:, zone]
+        before = (np.exp(modes.rates * (interval - rest)) * np.expm1(modes.rates * rest) / modes.rates
+                  * modes.inputs[:, zone])
+        matrix[begin] = power
+        for place in range(1, own + 1):
+            matrix[begin + place, begin + place - 1] = 1.0
+        if own == 0:
+            matrix[:size] += np.outer(now, power)
+        else:
+            matrix[:size, begin + own - 1] += now
+        matrix[:size, begin + own] += before
+    return float(np.abs(np.linalg.eigvals(matrix)).max())

@@ -1,0 +1,153 @@
+"""The programs of all zones: for one PLC one program with the blocks of each zone; otherwise a folder for each zone.
+
+The statements are those of the export of one heater. What belongs to one heater gets numbers and addresses of its own;
+for STEP 7, what OB 35 does for a heater becomes a function block that OB 35 calls for each zone.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Final
+
+from heatertune.errors import ExportRefused, InputError
+from heatertune.plc import controller_for
+from heatertune.zones.joint_proof import JointProof
+
+__all__ = ["export_zones"]
+
+_BETWEEN: Final = 10  # numbers of blocks from one zone to the next
+_MOST: Final = 8  # zones whose heaters are the bits of one byte of outputs
+_BLOCK: Final = re.compile(r"^(FUNCTION_BLOCK|DATA_BLOCK|FUNCTION|ORGANIZATION_BLOCK) (.+?)\n.*?^END_\1\n",
+                           re.DOTALL | re.MULTILINE)
+_NO_FILE_NAME: Final = re.compile(r"[^\w-]")
+_LINE_END: Final = "\r\n"  # of a source of STEP 7
+_TICK: Final = re.compile(r"(    +L +)L#0;(\n +T +DB102\.DBD +12;)")
+
+
+def export_zones(proof: JointProof, *, force: bool = False) -> dict[str, str | bytes]:
+    """Return the files of proven words of all zones, name → content.
+
+    Args:
+        proof: of all zones together.
+        force: export although the verdict is not PASS.
+
+    Raises:
+        ExportRefused: the verdict is not PASS and `force` was not given.
+        InputError: more zones than a program has outputs for, or staggered PWM periods for a target whose program
+            begins them all at once.
+    """
+    if proof.verdict != "PASS" and not force:
+        raise ExportRefused(f"{proof.summary().splitlines()[0]}; --force exports these parameters anyway")
+    target, zones = proof.words[0].target, proof.fitted.network.zones
+    if any(proof.offsets_s) and target != "s7-300":
+        raise InputError(f"the program of {target} begins the PWM periods of all zones at once: leave out --peak-power "
+                         "and --stagger, or take --target s7-300")
+    parts = []
+    for words, setpoint in zip(proof.words, proof.specification.setpoints_degC, strict=True):
+        certificate = replace(proof.certificate(), setpoint_degC=setpoint)
+        parts.append(dict(controller_for(target).export(words, certificate)))
+    program = _PROGRAMS.get(target)
+    if program is None:
+        folders = [f"zone{number}_{_NO_FILE_NAME.sub('_', zone)}" for number, zone in enumerate(zones, start=1)]
+        return {f"{folder}/{name}": content for folder, part in zip(folders, parts, strict=True)
+                for name, content in part.items()}
+    if len(zones) > _MOST:
+        raise InputError(f"{len(zones)} zones: a program has outputs for {_MOST}; make two groups that do not touch")
+    return program(zones, parts, proof)
+
+
+def _s5(zones: Sequence[str], parts: Sequence[Mapping[str, str | bytes]], _proof: JointProof) -> dict[str, str | bytes]:
+    """Return one listing: DB 30 and 31, FB 30 and 31 of the first zone, 40 and 41 of the second, and so on."""
+    files: dict[str, str | bytes] = {}
+    listing, calls, starts = [], [], []
+    for number, (zone, part) in enumerate(zip(zones, parts, strict=True)):
+        for name, content in part.items():
+            moved = name.replace("DB30", f"DB{30 + _BETWEEN * number}")
+            if name != "program_listing.txt":
+                files[moved] = _s5_moved(content, number) if isinstance(content, str) else content
+        text = _s5_moved(str(part["program_listing.txt"]), number)
+        head, _, rest = text.partition(f"\nDB{30 + _BETWEEN * number}\n")
+        blocks = rest.partition("\nOB 1\n")[0]
+        remarks = [line for line in head.splitlines() if line.strip()]
+        listing += [f"// zone {number + 1} of {len(zones)}: {zone}", *remarks, ""]
+        listing += [f"DB{30 + _BETWEEN * number}", blocks, ""]
+        calls += [f"     :JU FB {30 + _BETWEEN * number}", "NAME :HEAT"]
+        starts += [f"     :JU FB {31 + _BETWEEN * number}", "NAME :START"]
+    listing += ["OB 1", "     :BE", "", "OB 13", *calls, "     :BE", ""]
+    for block in ("OB 21", "OB 22"):
+        listing += [block, *starts, "     :BE", ""]
+    return {"program_listing.txt": "\n".join(listing), **files}
+
+
+def _s5_moved(text: str, number: int) -> str:
+    """Return a listing with the blocks, inputs and outputs of a zone."""
+    shift = _BETWEEN * number
+    text = re.sub(r"\b(DB|FB)( ?)(3[0-3])\b", lambda m: f"{m[1]}{m[2]}{int(m[3]) + shift}", text)
+    text = re.sub(r"\bPW (128|176)\b", lambda m: f"PW {int(m[1]) + 2 * number}", text)
+    text = re.sub(r"\bPY 4\b", f"PY {4 + number}", text)
+    return re.sub(r"\bI 0\.0\b", f"I 0.{number}", re.sub(r"\bQ 4\.0\b", f"Q {4 + number}.0", text))
+
+
+def _s7(zones: Sequence[str], parts: Sequence[Mapping[str, str | bytes]], proof: JointProof) -> dict[str, str | bytes]:
+    """Return one source: FB 100 and 101 for all zones; DB, FC and FB from 100 of the first zone, 110 of the second."""
+    files: dict[str, str | bytes] = {}
+    shared: dict[str, str] = {}
+    heads, own, loads, calls = list[str](), list[str](), list[str](), list[str]()
+    for number, (zone, part) in enumerate(zip(zones, parts, strict=True)):
+        shift = _BETWEEN * number
+        files |= {f"zone{number + 1}_{name}": content for name, content in part.items() if not name.endswith(".awl")}
+        source = str(part["s7_300_pid.awl"]).replace("\r\n", "\n")
+        if "FB 101" not in source:
+            raise InputError("this PWM is left to a switch behind the analog output, which a program of zones does not "
+                             "have: leave out --pwm-rule, or state a --pwm-period that OB 35 makes")
+        source = _delayed(source, round(proof.offsets_s[number] / proof.actuator.resolution_s), proof)
+        found = {match[2]: match[0] for match in _BLOCK.finditer(source)}
+        heads += [f"// zone {number + 1} of {len(zones)}: {zone}", *(
+            _s7_moved(line, number) for line in source.splitlines() if line.startswith("//"))]
+        shared |= {name: found[name] for name in ("FB 100", "FB 101")}
+        own += [_s7_moved(found[name], number) for name in ("DB 100", "DB 102", "DB 101", "FC 101 : VOID")]
+        own.append(_s7_moved(_as_function_block(found["OB 35"], zone), number))
+        start = found["OB 100"]
+        loads.append(_s7_moved(start[start.index("NETWORK"):start.index("END_ORGANIZATION_BLOCK")], number))
+        calls += ["NETWORK", f"TITLE =zone {zone}", f"      CALL  FB {102 + shift} , DB {103 + shift} (",
+                  "           OB35_EXC_FREQ := #OB35_EXC_FREQ);"]
+    start, tick = found["OB 100"], found["OB 35"]
+    restart = f"{start[:start.index('NETWORK')]}{''.join(loads)}END_ORGANIZATION_BLOCK\n"
+    cyclic = tick[:tick.index("NETWORK")].replace("  reading : INT ;\n", "")
+    lines = "\n".join(calls)
+    text = "\n".join(["\n".join(heads), *shared.values(), *own, restart, f"{cyclic}{lines}\nEND_ORGANIZATION_BLOCK\n"])
+    return {"s7_300_zones.awl": text.replace("\n", _LINE_END), **files}
+
+
+def _delayed(source: str, ticks: int, proof: JointProof) -> str:
+    """Return a source whose PWM begins its first period so many ticks later."""
+    if not ticks:
+        return source
+    first = round(proof.actuator.pwm_period_s / proof.actuator.resolution_s) - ticks
+    moved, count = _TICK.subn(rf"\g<1>L#{first};\g<2>", source)
+    if count != 1:
+        raise InputError("the program has no PWM whose beginning can be moved: leave out --peak-power and --stagger")
+    return moved.replace("  TICK := L#0 ;", f"  TICK := L#{first} ;")
+
+
+def _as_function_block(block: str, zone: str) -> str:
+    """Return what OB 35 does for a heater as a function block with its instance."""
+    body = block[block.index("BEGIN\n"):].replace("END_ORGANIZATION_BLOCK", "END_FUNCTION_BLOCK")
+    return "\n".join([
+        "FUNCTION_BLOCK FB 102", f"TITLE =one tick of zone {zone}", "VERSION : 0.1", "VAR_INPUT",
+        "  OB35_EXC_FREQ : INT ;  // ms", "END_VAR", "VAR_TEMP", "  reading : INT ;", "END_VAR", body,
+        "DATA_BLOCK DB 103", f"TITLE =instance of the tick of zone {zone}", "VERSION : 0.1", "FB 102", "BEGIN",
+        "  OB35_EXC_FREQ := 0 ;", "END_DATA_BLOCK", ""])
+
+
+def _s7_moved(text: str, number: int) -> str:
+    """Return a source with the data blocks, functions, inputs and outputs of a zone; FB 100 and 101 serve all."""
+    shift = _BETWEEN * number
+    text = re.sub(r"\b(DB ?|FC )(10[0-3])\b", lambda m: f"{m[1]}{int(m[2]) + shift}", text)
+    text = re.sub(r"\bFB 102\b", f"FB {102 + shift}", text)
+    return re.sub(r"\bPIW 256\b", f"PIW {256 + 2 * number}", re.sub(r"\bQ 4\.0\b", f"Q 4.{number}", text))
+
+
+_PROGRAMS: Final[dict[str, Callable[..., dict[str, str | bytes]]]] = {"s5-ob251": _s5, "s7-300": _s7}

@@ -1,0 +1,32 @@
+"""Drawn networks of zones: no false PASS by a judge of its own, and the judge finds loops that swing together."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from heatertune.settings import Conditions
+from heatertune.zones import network_by_hand, prove_zones
+from heatertune.zones.joint_proof import specification_for
+from tests.bench.networks import case, judge
+from tests.zones.networks import chain
+from tests.zones.test_joint import separate
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.long
+def test_no_pass_of_a_drawn_network_is_false(seed):
+    found = case(seed, most_zones=3)
+    assert not found.complaint, found.summary
+    assert found.verdict == "PASS", found.summary  # at least 90 % of 200 drawn by hand do
+
+
+def test_the_judge_breaks_loops_that_swing_together():
+    network = chain(3, 4.0)
+    fitted = network_by_hand(network)
+    spec = specification_for(fitted, 60.0, Conditions())
+    proof = prove_zones(separate((14.52, 24.99, 14.52), (41.4, 33.5, 41.4)), fitted, spec, up_to_failure=True)
+    assert "unstable" in judge(network, proof)
+    strict = replace(proof, design=separate((5.5,) * 3, (60.0,) * 3), specification=replace(spec, deviation_degC=0.05))
+    assert "neighbour" in judge(network, strict)
+    assert np.all(np.asarray(network.exchange) >= 0.0)

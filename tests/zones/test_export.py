@@ -1,0 +1,156 @@
+"""The programs of all zones, run as one text in the emulated CPUs beside the joint loop, and the command that makes them."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from heatertune.cli import main
+from heatertune.errors import ExportRefused, InputError
+from heatertune.plc.cpu.s5.machine import S5Cpu
+from heatertune.plc.cpu.s7_300.machine import S7300Cpu
+from heatertune.plc.s5_ob251.step import COLD, Ob251Assumptions, step
+from heatertune.plc.s5_ob251.words import parameters_of
+from heatertune.zones import design_zones, network_by_hand, prove_zones
+from heatertune.zones.joint_loop import ZoneEvent, ZoneLoop, run_zones
+from heatertune.zones.zone_export import export_zones
+from tests.zones.networks import chain, logged, steps
+
+SETPOINTS = (55.0, 60.0, 65.0)
+
+
+@pytest.fixture(scope="module")
+def proofs():
+    fitted = network_by_hand(chain(3, 1.0))
+    return {target: design_zones(fitted, target, SETPOINTS) for target in ("s7-300", "s5-ob251")}
+
+
+def joint_run(proof, duration_s):
+    loop = ZoneLoop(words=proof.words, actuator=proof.actuator, offsets_s=proof.offsets_s)
+    events = [event for zone, setpoint in enumerate(SETPOINTS) for event in (
+        ZoneEvent(0.0, "setpoint", zone, setpoint), ZoneEvent(0.0, "on", zone))]
+    return run_zones(loop, proof.fitted.network, events, duration_s)
+
+
+def is_on(trace, zone, instant):
+    return any(begin <= instant + 1e-6 < end - 1e-6 for each, begin, end in trace.pulses if each == zone)
+
+
+@pytest.mark.parametrize("staggered", [False, True])
+@pytest.mark.long
+def test_the_program_of_step_7_makes_the_run_of_the_proof_tick_by_tick(proofs, staggered):
+    proof = proofs["s7-300"]
+    if staggered:
+        proof = prove_zones(proof.design, proof.fitted, replace(proof.specification, staggered=True))
+        assert any(proof.offsets_s)
+    text = str(export_zones(proof)["s7_300_zones.awl"])
+    cpu = S7300Cpu(text, {})
+    tick = proof.actuator.resolution_s
+    cpu.memory["L OB 35"][10:12] = round(1000 * tick).to_bytes(2, "big")
+    for zone in range(3):
+        cpu.put(cpu.member(f"DB {101 + 10 * zone}", "AUTO"), 1)
+    cpu.run("OB 100")
+    trace = joint_run(proof, 40.0)
+    per_call = round(proof.words[0].sample_time_s / tick)
+    for k in range(10 * per_call):
+        scan = k // per_call
+        for zone in range(3):
+            place = 256 + 2 * zone
+            cpu.memory["P"][place : place + 2] = int(trace.readings[scan, zone]).to_bytes(2, "big")
+        cpu.run("OB 35")
+        for zone in range(3):
+            if k % per_call == 0:
+                out = int.from_bytes(cpu.memory[f"DB {100 + 10 * zone}"][6:8], "big", signed=True)
+                assert out / 276.48 == pytest.approx(trace.powers_pct[scan, zone], abs=1e-9)
+            heats = cpu.get(cpu.member(f"DB {101 + 10 * zone}", "HEAT"))
+            assert bool(heats) == is_on(trace, zone, k * tick), (k * tick, zone)
+
+
+@pytest.mark.long
+def test_the_listing_of_step_5_makes_the_run_of_the_proof_tick_by_tick(proofs):
+    proof = proofs["s5-ob251"]
+    text = str(export_zones(proof)["program_listing.txt"])
+    states, opened = {}, []
+    parameters = [(parameters_of(words.whole), Ob251Assumptions()) for words in proof.words]
+
+    def ob251(block):
+        """Run the firmware's model on the data block that is open, each with a state of its own."""
+        number = next(i for i in range(3) if block is cpu.data[30 + 10 * i])
+        if block[11] & 4:  # off: it clears itself
+            states[number] = COLD
+            return
+        opened.append(number)
+        assert block[11] & 1  # automatic
+        states[number], power, block[48], _ = step(parameters[number], states[number], block[9], block[22], False)
+        assert power == pytest.approx(trace.powers_pct[scan[0], number], abs=1e-9)
+
+    trace, scan = joint_run(proof, 40.0), [0]
+    cpu = S5Cpu(text, {"OB 251": ob251})
+    for zone in range(3):
+        cpu.inputs[f"I 0.{zone}"] = 1
+    cpu.run("OB 22")
+    opened.clear()
+    tick = proof.actuator.resolution_s
+    per_call = round(proof.words[0].sample_time_s / tick)
+    for k in range(10 * per_call):
+        scan[0] = k // per_call
+        for zone in range(3):
+            cpu.inputs[f"PW {128 + 2 * zone}"] = int(trace.readings[scan[0], zone]) << 3
+        cpu.run("OB 13")
+        if k % per_call == 0:
+            assert opened == [0, 1, 2]
+            opened.clear()
+            for zone in range(3):  # each block was given its own setpoint and reading
+                block = cpu.data[30 + 10 * zone]
+                assert block[22] == trace.readings[scan[0], zone]
+                assert block[9] == int(2047 * SETPOINTS[zone] / 100)
+        assert not opened
+        for zone in range(3):
+            assert bool(cpu.outputs.get(f"PY {4 + zone}", 0)) == is_on(trace, zone, k * tick), (k * tick, zone)
+
+
+def test_blocks_inputs_and_outputs_of_no_zone_are_those_of_another(proofs):
+    source = str(export_zones(proofs["s7-300"])["s7_300_zones.awl"])
+    for name in ("FB 100", "FB 101", "DB 100", "DB 110", "DB 122", "FC 121 : VOID", "FB 112", "OB 35", "OB 100"):
+        kind = {"FB": "FUNCTION_BLOCK", "DB": "DATA_BLOCK", "FC": "FUNCTION", "OB": "ORGANIZATION_BLOCK"}[name[:2]]
+        assert source.count(f"{kind} {name}\r\n") == 1, name
+    for address in ("PIW 256", "PIW 258", "PIW 260", "=     Q 4.0;", "=     Q 4.1;", "=     Q 4.2;"):
+        assert address in source
+    listing = str(export_zones(proofs["s5-ob251"])["program_listing.txt"])
+    for name in ("DB30", "DB41", "DB50", "FB 30", "FB 51", "OB 13", "OB 22"):
+        assert listing.count(f"\n{name}\n") == 1, name
+
+
+def test_staggered_periods_are_refused_where_the_program_begins_them_all_at_once(proofs):
+    proof = proofs["s5-ob251"]
+    with pytest.raises(InputError, match="take --target s7-300"):
+        export_zones(prove_zones(proof.design, proof.fitted, replace(proof.specification, staggered=True)))
+
+
+def test_what_did_not_pass_is_exported_only_by_force(proofs):
+    proof = proofs["s7-300"]
+    failed = replace(proof, criteria=tuple(replace(each, limit=-1.0) for each in proof.criteria))
+    with pytest.raises(ExportRefused, match="FAIL"):
+        export_zones(failed)
+    assert "FORCED" in str(export_zones(failed, force=True)["s7_300_zones.awl"])
+
+
+@pytest.mark.long
+def test_the_command_designs_zones(tmp_path, capsys):
+    time, readings, powers = logged(chain(2, 2.0), steps(2, 5000), 1.0, 2, np.random.default_rng(1), 0.03)
+    path = tmp_path / "zones.csv"
+    rows = "\n".join(",".join(f"{value:.2f}" for value in row) for row in np.column_stack([time, powers, readings]))
+    path.write_text(f"time_s,rear power (%),front power (%),rear temp (degC),front temp (degC)\n{rows}\n", encoding="utf-8")
+    out = tmp_path / "out"
+    arguments = ["design", str(path), "--zones", "rear,front", "--target", "s7-300", "--setpoint", "45", "--out", str(out)]
+    assert main(arguments) == 0
+    assert capsys.readouterr().out.splitlines()[2].startswith("PASS: 2 zones together at 45, 45 °C")
+    document = json.loads((out / "data" / "zones.json").read_text(encoding="utf-8"))
+    assert document["verdict"] == "PASS"
+    assert document["exchange"][0][1] == pytest.approx(2.0, abs=0.05)
+    assert (out / "s7_300_zones.awl").is_file()
+    for wrong, complaint in ((["--ms", "1.4"], "--ms: not for zones"), (["--rated-power", "1,2,3"], "expected a number for each"),
+                             (["--zone-setpoints", "45,warm"], "expected numbers"), (["--peak-power", "3"], "rated power")):
+        assert main([*arguments, *wrong]) == 2
+        assert complaint in capsys.readouterr().err

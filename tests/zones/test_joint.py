@@ -1,0 +1,153 @@
+"""Zones that pass one by one and swing together: tuned and proven together, and judged by a linear model of its own."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+
+from heatertune.model.values import Fopdt
+from heatertune.pid.sampled_loop import margins
+from heatertune.pid.values import PidDesign
+from heatertune.plc import controller_for
+from heatertune.plc.design import encode
+from heatertune.proof.prove_words import actuator_for
+from heatertune.proof.specification import preset
+from heatertune.settings import Conditions
+from heatertune.zones import design_zones, network_by_hand
+from heatertune.zones.joint_loop import ZoneEvent, ZoneLoop, run_zones
+from heatertune.zones.joint_proof import offsets_for, prove_zones, specification_for
+from heatertune.zones.joint_tuning import JointDesign, closed_loop_radius, joint_sensitivity, sensitivity_alone
+from tests.zones.networks import balance, chain, radius
+
+
+def separate(gains, times, target="s7-300", interval_s=4.0):
+    designs = tuple(PidDesign(gain_pct_per_degC=gain, integral_time_s=time, derivative_time_s=0.0, sample_time_s=interval_s,
+                              structure="pi", method="given") for gain, time in zip(gains, times, strict=True))
+    words = tuple(encode(design, target) for design in designs)
+    return JointDesign(designs=designs, words=words, ms_zone=1.6, joint_ms=1.0, alone_ms=1.0, radius=0.9)
+
+
+@pytest.mark.parametrize("target", ["s7-300", "s5-ob251"])
+@pytest.mark.parametrize("exchange", [0.0, 1.0, 4.0, 8.0])
+@pytest.mark.long
+def test_three_zones_pass_at_every_coupling(target, exchange):
+    network = chain(3, exchange)
+    proof = design_zones(network_by_hand(network), target, 60.0)
+    assert proof.verdict == "PASS", proof.summary()
+    words = proof.words[0]
+    delay = controller_for(target).delayed_s(words.scaling)
+    assert radius(network, proof.design.designs, words.sample_time_s, delay) < 0.99
+    if exchange == 4.0:
+        assert proof.neighbour_deviation_degC <= 1.32
+
+
+def test_designs_made_zone_by_zone_swing_together():
+    # what heatertune designed for each zone of a coupling of 4 alone; both loops are stable one by one
+    gains, times = (14.52, 24.99, 14.52), (41.4, 33.5, 41.4)
+    network, design = chain(3, 4.0), separate(gains, times)
+    assert radius(network, design.designs, 4.0, 0.0) == pytest.approx(1.0084, abs=1e-3)  # of an independent witness
+    assert closed_loop_radius(network, design.designs) == pytest.approx(1.0084, abs=1e-3)
+    fitted = network_by_hand(network)
+    proof = prove_zones(design, fitted, specification_for(fitted, 60.0, Conditions()))
+    assert proof.verdict == "FAIL"
+    assert any(each.name == "swing at rest [°C]" and not each.ok for each in proof.criteria)
+
+
+@pytest.mark.parametrize("structure", ["pi", "pid"])
+def test_the_radius_is_that_of_the_loop_run_sample_by_sample(structure):
+    network = chain(2, 2.0, dead=10.0)
+    designs = [PidDesign(gain_pct_per_degC=9.0, integral_time_s=40.0, derivative_time_s=8.0 if structure == "pid" else 0.0,
+                         sample_time_s=4.0, structure=structure, method="given")] * 2
+    states, inputs, _ = balance(network)
+    sizes = []
+    for start in ((1.0, 1.0), (1.0, -1.0)):  # equal zones move alike or against each other, whatever the loop
+        temperature, sums, before, filtered = np.array(start), np.zeros(2), np.zeros(2), np.zeros(2)
+        powers, course = [np.zeros(2)] * 4, []
+        for _ in range(90):
+            error = -temperature
+            sums = sums + error
+            filtered = 0.5 * filtered + 0.5 * designs[0].derivative_time_s / 4.0 * (error - before)
+            before = error
+            powers.append(9.0 * (error + 4.0 / 40.0 * sums + filtered))
+            for late, lasts in ((powers[-4], 2.0), (powers[-3], 2.0)):  # 10 s: two intervals and a half
+                temperature = solve_ivp(lambda _, y, u=late: states @ y + inputs @ u, (0.0, lasts), temperature,
+                                        rtol=1e-10, atol=1e-13).y[:, -1]
+            course.append(temperature[0])
+        late = np.array(course[50:])  # its slowest two modes
+        recurrence, *_ = np.linalg.lstsq(np.column_stack([late[1:-1], late[:-2]]), late[2:], rcond=None)
+        sizes.append(np.abs(np.roots([1.0, -recurrence[0], -recurrence[1]])).max())
+    assert closed_loop_radius(network, designs) == pytest.approx(max(sizes), abs=2e-3)
+
+
+def test_zones_without_exchange_have_the_sensitivity_of_one_loop():
+    design = separate((6.0,) * 3, (60.0,) * 3).designs
+    alone = margins(Fopdt(gain_degC_per_pct=1.2, time_constant_s=240.0, dead_time_s=12.0, ambient_degC=22.0), design[0]).ms
+    assert joint_sensitivity(chain(3, 0.0), design) == pytest.approx(alone, rel=5e-3)
+    assert sensitivity_alone(chain(3, 0.0), design) == pytest.approx(alone, rel=5e-3)
+
+
+def test_a_run_is_that_of_an_integrator_that_knows_the_edges():
+    network, design = chain(2, 2.0), separate((6.0,) * 2, (60.0,) * 2)
+    loop = ZoneLoop(words=design.words, actuator=actuator_for(Conditions(), design.words[0]))
+    events = [event for zone in range(2) for event in (ZoneEvent(0.0, "setpoint", zone, 60.0), ZoneEvent(0.0, "on", zone))]
+    trace = run_zones(loop, network, [*events, ZoneEvent(300.0, "load", 0, 15.0)], 600.0)
+    states, inputs, constant = balance(network)
+    late = 12.0 + controller_for("s7-300").delayed_s(design.words[0].scaling)
+    changes = sorted([(begin + late, zone, 100.0) for zone, begin, _ in trace.pulses]
+                     + [(end + late, zone, -100.0) for zone, _, end in trace.pulses] + [(300.0, 0, -15.0)])
+    temperature, power, now = np.full(2, 22.0), np.zeros(2), 0.0
+    scans = iter(zip(trace.time_s, trace.temperatures_degC, strict=True))
+    when, expected = next(scans)
+    for instant, zone, change in [*changes, (np.inf, 0, 0.0)]:
+        while when <= instant:
+            block = np.zeros((3, 3))
+            block[:2, :2], block[:2, 2] = states, inputs @ power + constant
+            temperature = (expm(block * (when - now)) @ np.append(temperature, 1.0))[:2]
+            now = when
+            np.testing.assert_allclose(temperature, expected, atol=1e-6)
+            when, expected = next(scans, (np.inf, expected))
+            if when == np.inf:
+                return
+        block = np.zeros((3, 3))
+        block[:2, :2], block[:2, 2] = states, inputs @ power + constant
+        temperature = (expm(block * (instant - now)) @ np.append(temperature, 1.0))[:2]
+        now = instant
+        power[zone] += change
+
+
+def test_pulses_that_follow_each_other_keep_the_bound():
+    random = np.random.default_rng(2)
+    for _ in range(200):
+        duties = random.uniform(5.0, 95.0, random.integers(2, 9))
+        offsets = np.array(offsets_for([duties], 10.0, 0.001))
+        instants = np.linspace(0.0, 10.0, 2001)[:-1] + 0.0025
+        on = sum((instants - offset) % 10.0 < duty / 10.0 - 0.002 for offset, duty in zip(offsets, duties, strict=True))
+        assert on.max() <= np.ceil(duties.sum() / 100.0)
+
+
+@pytest.mark.long
+def test_eight_heaters_at_45_pct_are_never_on_at_once_with_staggered_periods():
+    network = chain(8, 0.5, gain=1.0)
+    setpoint = 22.0 + 45.0  # 45 % of a gain of 1 °C/%
+    fitted = network_by_hand(network)
+    plain = design_zones(fitted, "s7-300", setpoint)
+    assert plain.peak_heaters == 8
+    spec = replace(plain.specification, staggered=True, rated_kw=(2.0,) * 8, peak_kw=10.0)
+    staggered = prove_zones(plain.design, fitted, spec)
+    assert staggered.heaters_bound == 4
+    assert staggered.bound_share >= 0.99
+    assert staggered.peak_kw <= 10.0
+    assert staggered.verdict == "PASS", staggered.summary()
+
+
+def test_a_setpoint_that_the_neighbours_exceed_fails_and_says_why():
+    proof = design_zones(network_by_hand(chain(2, 8.0)), "s7-300", [40.0, 80.0])
+    assert proof.verdict == "FAIL"
+    assert "its neighbours heat it beyond its setpoint" in proof.summary()
+
+
+def test_general_limits_are_used():
+    fitted = network_by_hand(chain(2, 1.0))
+    assert specification_for(fitted, 60.0, Conditions()).limits == preset("general").limits_for(252.0)
