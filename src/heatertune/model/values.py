@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from typing import TYPE_CHECKING, Final, Protocol
+from typing import TYPE_CHECKING, Final, Protocol, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from control import StateSpace, TransferFunction
 
     from heatertune.model.disturbance import CoolingEffect, DisturbanceEffect
+    from heatertune.model.loss_curve import LossCurve
     from heatertune.model.statistics import Interval
 
 __all__ = [
@@ -58,6 +59,16 @@ class Dynamics:
     @property
     def _heater(self) -> _Heater:
         raise NotImplementedError
+
+    @property
+    def loss(self) -> LossCurve | None:
+        """The curve of the heat loss; None if the loss is proportional to the rise above the ambient."""
+        return None
+
+    @property
+    def linear(self) -> tuple[HeaterModel, ...]:
+        """The linear heaters that a design has to serve: itself, or the tangents at the setpoints of use."""
+        return (cast("HeaterModel", self),)
 
     def step(self, time_s: npt.ArrayLike, *, power_pct: float = 1.0) -> Array:
         """Return the rise of the temperature after the power stepped from 0 at time 0, shape of `time_s` [°C].
@@ -557,8 +568,9 @@ class FittedModel(NotebookDisplay, Dynamics):
             check("logged_range_degC", high, least=low)
 
     @property
-    def _heater(self) -> Fopdt:
-        return self.model
+    def _heater(self) -> HeaterModel:
+        first = self.candidates[0].model if self.candidates else self.model
+        return self.model if first.loss is None else first
 
     @property
     def outcome_text(self) -> str:
@@ -578,8 +590,8 @@ class FittedModel(NotebookDisplay, Dynamics):
 
     @property
     def plants(self) -> tuple[HeaterModel, ...]:
-        """Every heater a design has to serve."""
-        return tuple(model for _, model in self.heaters)
+        """Every linear heater a design has to serve."""
+        return tuple(dict.fromkeys(linear for _, model in self.heaters for linear in model.linear))
 
     @property
     def hypothetical(self) -> tuple[HeaterModel, ...]:
