@@ -7,7 +7,8 @@ shows the gain at one temperature, so it decides nothing about the shape.
 
 Ends of the 95 % intervals are plausible heaters: of the shape, of the dead time, of the gain per time constant, and of
 the power at twice the logged rise; the other parameters follow as in the fit's normal equations, whose noise is that of
-first-order autoregressive residuals.
+first-order autoregressive residuals. As no real loss is just a formula, the curves are at least so far apart that the
+power at twice the logged rise differs by 2 % both ways.
 """
 
 from __future__ import annotations
@@ -39,7 +40,8 @@ __all__ = ["LossEnd", "LossFit", "fit_loss_curves", "held_levels"]
 #: ln gain, room, first temperature, that of the mass above it, ln lag, dead time, ln sensor's lag, shape
 _GAIN, _ROOM, _START, _INNER, _LAG, _DEAD, _SENSOR, _SHAPE = range(8)
 _COARSE: Final = 200  # averaged readings in the search
-_STEPS: Final = 24.0  # to the lag at the highest temperature
+_STEPS: Final = (24.0, 96.0)  # to the lag at the highest temperature, in the search and after it
+_LEAST: Final = 0.02  # of the power at twice the logged rise, by which the plausible curves differ both ways
 _NOISE: Final = 1.3  # times the noise between neighbours, that the fit may leave over
 _NEAR: Final = 10.0  # BIC points
 _KNOWN: Final = 0.15  # half the interval of a share or an exponent, at most
@@ -160,13 +162,13 @@ def fit_loss_curves(problems: Sequence[PowerProblem], fits: Sequence[PowerFit], 
         return []
     found = []
     for family in _FAMILIES:
-        tried = [_fit(problem, fits[0], family) for problem in problems]
-        best = min(tried, key=lambda fit: fit.bic)
-        if best.bic < better_than - _NEAR and (fit := _told(best, levels)) is not None:
-            found.append(fit)
+        for problem in problems:
+            solved = _fit(problem, fits[0], family)
+            if solved.bic < better_than - _NEAR and (fit := _told(solved, levels)) is not None:
+                found.append(fit)
     found.sort(key=lambda fit: fit.bic)
     kept = [fit for fit in found if fit.bic < found[0].bic + _NEAR]
-    return kept if all(map(_is_known, kept)) and kept and _leaves_noise(kept[0]) else []
+    return kept if kept and all(map(_is_known, kept)) and _leaves_noise(kept[0]) else []
 
 
 def _shortest_hold(problem: PowerProblem) -> float:
@@ -202,17 +204,15 @@ def _fit(problem: PowerProblem, near: PowerFit, family: _Family) -> _Solved:
     low, high = _bounds(problem, near, family)
     coarse = problem.average(_COARSE)
     vectors = _starts(problem, near, family)
-    for stage, (thin, iterations) in enumerate(((coarse, 40), (problem, 12))):
+    for thin, iterations, steps in zip((coarse, problem), (40, 12), _STEPS, strict=True):
         record = thin.readings.temperature_degC
 
-        def residuals(z: Array, _: npt.NDArray[np.intp], thin: PowerProblem = thin, record: Array = record) -> Array:
-            return _answers(thin, z, family) - record
+        def residuals(z: Array, _: npt.NDArray[np.intp], thin: PowerProblem = thin, record: Array = record,
+                      steps: float = steps) -> Array:
+            return _answers(thin, z, family, steps) - record
 
         minima = minimise(residuals, vectors, low, high, iterations=iterations)
-        best = np.argsort(minima.cost)[:1]
-        vectors = minima.parameters[best]
-        if stage == 0 and len(problem.readings.time_s) == len(coarse.readings.time_s):
-            break
+        vectors = minima.parameters[np.argsort(minima.cost)[:1]]
     simulated = _answers(problem, vectors, family)[0]
     unknowns = int(np.count_nonzero(high > low))
     return _Solved(vectors[0], (low, high), problem, family, simulated,
@@ -297,11 +297,11 @@ def _simulate(time: Array, edges: Array, levels: Array, before: float, heaters: 
             out[row, i] = y
 
 
-def _answers(problem: PowerProblem, z: Array, family: _Family) -> Array:
+def _answers(problem: PowerProblem, z: Array, family: _Family, steps: float = _STEPS[-1]) -> Array:
     """Return the readings of each vector, shape (n, m) [°C]."""
     readings = problem.readings
     top = float(readings.temperature_degC.max())
-    heaters = np.array([_numbers(row, family, top, two_lags=problem.two_lags) for row in z])
+    heaters = np.array([_numbers(row, family, top, steps, two_lags=problem.two_lags) for row in z])
     # of an averaged reading, the mean of two instants is exact up to the third order of its length (Gauss–Legendre)
     apart = readings.half_s / math.sqrt(3.0)
     time = readings.time_s
@@ -312,12 +312,12 @@ def _answers(problem: PowerProblem, z: Array, family: _Family) -> Array:
     return out if time is readings.time_s else 0.5 * (out[:, ::2] + out[:, 1::2])
 
 
-def _numbers(z: Array, family: _Family, top: float, *, two_lags: bool) -> list[float]:
+def _numbers(z: Array, family: _Family, top: float, steps: float, *, two_lags: bool) -> list[float]:
     room, lag = float(z[_ROOM]), math.exp(z[_LAG])
     loss = family.curve(float(z[_SHAPE]), top).loss(room)
     slope = loss_at(top, room, loss)[1]
     return [math.exp(z[_GAIN]), room, float(z[_START]), float(z[_START] + z[_INNER]), lag, float(z[_DEAD]),
-            math.exp(z[_SENSOR]) if two_lags else 0.0, *loss, lag / slope / _STEPS]
+            math.exp(z[_SENSOR]) if two_lags else 0.0, *loss, lag / slope / steps]
 
 
 def _heater(z: Array, solved: _Solved) -> HeaterModel | None:
@@ -376,15 +376,18 @@ def _ends(solved: _Solved, covariance: Array) -> Iterator[LossEnd]:
     """Yield the heaters at the ends of intervals, the other parameters following."""
     low, high = solved.bounds
     reach = student_t(max(len(solved.simulated_degC) - 8, 2))
+    far = _by_power(solved)
     directions = {"loss curve": np.eye(8)[_SHAPE], "dead time": np.eye(8)[_DEAD],
                   "gain per time constant": np.eye(8)[_GAIN] - np.eye(8)[_LAG],
-                  "power beyond the log": _by_power(solved)}
+                  "power beyond the log": far}
     for name, direction in directions.items():
         deviation = math.sqrt(max(float(direction @ covariance @ direction), 0.0))
         if deviation == 0.0:
             continue
         for sign, end in ((-1.0, "low"), (1.0, "high")):
             moved = solved.vector + sign * reach * (covariance @ direction) / deviation
+            if name == "loss curve" and reach * deviation * abs(far[_SHAPE]) < _LEAST:  # no real loss is just a formula
+                moved = solved.vector + sign * _LEAST / abs(far[_SHAPE]) * direction
             model = _heater(np.clip(moved, low, high), solved)
             if model is not None:
                 yield LossEnd(model, f"{name} at its {end} end")
