@@ -25,9 +25,10 @@ from heatertune.codec import (
     register_schema,
 )
 from heatertune.errors import DocumentError
+from heatertune.heater.heat_loss import LossCurve
 from heatertune.model.disturbance import CoolingEffect, DisturbanceEffect
 from heatertune.model.findings import Finding
-from heatertune.model.loss_curve import LossCurve, LossFopdt, LossTwoLag
+from heatertune.model.loss_curve import LossFopdt, LossTwoLag
 from heatertune.model.statistics import Interval
 from heatertune.model.validation import LJUNG_BOX_95
 from heatertune.model.values import (

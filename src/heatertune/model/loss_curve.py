@@ -4,67 +4,32 @@
 
 Gain and time constant are those of the chord: the linear heater that needs the same power at one temperature, and none
 at the ambient. So what holds that temperature is that of the chord, and what happens near it that of the tangent. The
-curve is that of `heatertune.heater.loss_curve`: convection and radiation, or a power of the rise.
+curve is that of `heatertune.heater.heat_loss`: convection and radiation, or a power of the rise.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, TypedDict
 
-from heatertune.heater.loss_curve import ABSOLUTE_ZERO_DEGC, RADIATION, STEPS, Loss, loss_at, tangent_at
+import numpy as np
+
+from heatertune.arrays import Array
+from heatertune.heater.exact import advance_step, factors
+from heatertune.heater.heat_loss import STEPS, Loss, LossCurve, loss_at, tangent_at
 from heatertune.model.statistics import Interval
 from heatertune.model.values import Candidate, FittedModel, Fopdt, HeaterModel, TwoLag
-from heatertune.units import check
 
 __all__ = [
-    "LossCurve", "LossFopdt", "LossTwoLag", "for_setpoints", "has_loss_curve", "heater_with_loss", "loss_above",
-    "loss_numbers", "slower_cooling", "steady_power_pct", "top_degC", "working_values",
+    "LossFopdt", "LossTwoLag", "for_setpoints", "has_loss_curve", "heater_with_loss", "loss_above",
+    "loss_numbers", "rest_degC", "slower_cooling", "steady_power_pct", "top_degC", "working_values",
 ]
 
 _HALVINGS: Final = 60
 _HOTTEST_DEGC: Final = 5000.0
 _FOR_EVER: Final = 1e30  # [s]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LossCurve:
-    """The shape of a heat loss.
-
-    Attributes:
-        share: part of the loss at `at_degC` that is bent, 0…1; the rest is proportional to the rise above the ambient.
-        exponent: of the bent part: 4 for radiation.
-        origin_degC: temperature from which the bent part counts; None: from the ambient.
-        at_degC: temperature of the chord: the setpoint of use that needs the most power.
-        low_degC: the lowest setpoint of use, None if there is no other.
-
-    Raises:
-        OutOfRange: a share outside 0…1, an exponent below 1.
-    """
-
-    share: float
-    exponent: float
-    at_degC: float
-    origin_degC: float | None = None
-    low_degC: float | None = None
-
-    def __post_init__(self) -> None:
-        check("share", self.share, least=0.0, most=1.0)
-        check("exponent", self.exponent, least=1.0, most=6.0)
-        check("at_degC", self.at_degC, above=ABSOLUTE_ZERO_DEGC)
-
-    @property
-    def is_radiation(self) -> bool:
-        """Whether the bent part is radiation."""
-        return self.origin_degC == ABSOLUTE_ZERO_DEGC and self.exponent == RADIATION
-
-    def loss(self, room_degC: float) -> Loss:
-        """Return the curve above a room, with a loss of `at_degC` − room at that temperature."""
-        origin = room_degC if self.origin_degC is None else self.origin_degC
-        whole, _ = loss_at(self.at_degC, room_degC, Loss(0.0, 1.0, self.exponent, origin, self.at_degC - origin))
-        return Loss(1.0 - self.share, self.share * (self.at_degC - room_degC) / whole, self.exponent, origin,
-                    self.at_degC - origin)
 
 
 def _tangent(model: LossFopdt | LossTwoLag, degC: float) -> HeaterModel:
@@ -95,12 +60,15 @@ class LossFopdt(Fopdt):
 
     @property
     def _heater(self) -> HeaterModel:  # type: ignore[override]
-        return self.linear[0]
+        return replace(self.linear[0], ambient_degC=self.ambient_degC)
 
     @property
     def linear(self) -> tuple[HeaterModel, ...]:
         """Its tangents at the setpoints of use."""
         return _tangents(self)
+
+    def _predicted(self, time: Array, power: Array, ambient: float, before: float) -> Array:
+        return _simulated(self, time, power, ambient, before)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,12 +83,15 @@ class LossTwoLag(TwoLag):
 
     @property
     def _heater(self) -> HeaterModel:  # type: ignore[override]
-        return self.linear[0]
+        return replace(self.linear[0], ambient_degC=self.ambient_degC)
 
     @property
     def linear(self) -> tuple[HeaterModel, ...]:
         """Its tangents at the setpoints of use."""
         return _tangents(self)
+
+    def _predicted(self, time: Array, power: Array, ambient: float, before: float) -> Array:
+        return _simulated(self, time, power, ambient, before)
 
     def half_rule(self) -> LossFopdt:
         """Return one lag with the same loss curve, see `TwoLag.half_rule`."""
@@ -128,6 +99,32 @@ class LossTwoLag(TwoLag):
         return LossFopdt(
             gain_degC_per_pct=self.gain_degC_per_pct, time_constant_s=self.time_constant_s + half,
             dead_time_s=self.dead_time_s + half, ambient_degC=self.ambient_degC, loss=self.loss)
+
+
+def _simulated(model: HeaterModel, time: Array, power: Array, room: float, before: float) -> Array:
+    """Return the temperature that powers give from rest at the one before, shape of `time` (n,) [°C]."""
+    loss = loss_above(model, room)
+    longest = loss_numbers(model, room)[-1]
+    sensor = model.lags_s[1] if len(model.lags_s) > 1 else 0.0
+    edges = [*(time + model.dead_time_s).tolist(), math.inf]
+    levels = [before, *power.tolist()]
+    mass = seen = rest_degC(model, before, room)
+    now, place, rows = float(time[0]), 0, []
+    for until in time.tolist():
+        while now < until:
+            while edges[place] <= now:
+                place += 1
+            end = min(until, edges[place], now + longest)
+            line = tangent_at(mass, model.gain_degC_per_pct, model.lags_s[0], room, loss)
+            target = line.ambient + line.gain * levels[place]
+            if sensor > 0.0:
+                seen, mass = advance_step(seen, mass, target, factors(end - now, sensor, line.lag))
+            else:
+                seen, _ = advance_step(mass, mass, target, factors(end - now, line.lag, 0.0))
+                mass = seen
+            now = end
+        rows.append(seen)
+    return np.array(rows)
 
 
 def _room(model: HeaterModel) -> float:
@@ -169,13 +166,18 @@ def steady_power_pct(model: HeaterModel, degC: float) -> float:
 
 def top_degC(model: HeaterModel, room_degC: float | None = None) -> float:
     """Return the temperature to which full power leads [°C]; the room is the model's own where none is given."""
-    room = _room(model) if room_degC is None else room_degC
-    if model.loss is None:
-        return room + 100.0 * model.gain_degC_per_pct
+    return rest_degC(model, 100.0, _room(model) if room_degC is None else room_degC)
+
+
+def rest_degC(model: HeaterModel, power_pct: float, room_degC: float) -> float:
+    """Return the temperature to which a power leads in a room [°C]."""
+    room = room_degC
+    if model.loss is None or power_pct <= 0.0:
+        return room + power_pct * model.gain_degC_per_pct
     low, high, loss = room, _HOTTEST_DEGC, loss_above(model, room)
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
-        reached = loss_at(middle, room, loss)[0] < 100.0 * model.gain_degC_per_pct
+        reached = loss_at(middle, room, loss)[0] < power_pct * model.gain_degC_per_pct
         low, high = (middle, high) if reached else (low, middle)
     return low
 

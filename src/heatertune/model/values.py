@@ -25,8 +25,8 @@ from heatertune.units import check
 if TYPE_CHECKING:
     from control import StateSpace, TransferFunction
 
+    from heatertune.heater.heat_loss import LossCurve
     from heatertune.model.disturbance import CoolingEffect, DisturbanceEffect
-    from heatertune.model.loss_curve import LossCurve
     from heatertune.model.statistics import Interval
 
 __all__ = [
@@ -104,6 +104,11 @@ class Dynamics:
         time, power = _course(time_s, power_pct)
         before = float(power[0]) if power_before_pct is None else power_before_pct
         check("power_before_pct", before, least=0.0, most=100.0)
+        return self._predicted(time, power, ambient, before)
+
+    def _predicted(self, time: Array, power: Array, ambient: float, before: float) -> Array:
+        """Return the temperature from rest at a power before, see `predict`."""
+        heater = self._heater
         steps = np.diff(power, prepend=before)
         edges = steps != 0.0
         began, height = time[edges] + heater.dead_time_s, steps[edges]
@@ -569,8 +574,18 @@ class FittedModel(NotebookDisplay, Dynamics):
 
     @property
     def _heater(self) -> HeaterModel:
-        first = self.candidates[0].model if self.candidates else self.model
-        return self.model if first.loss is None else first
+        return self._curved or self.model
+
+    @property
+    def _curved(self) -> HeaterModel | None:
+        """The first heater, if it has a loss curve: the working model is its tangent."""
+        return self.candidates[0].model if self.candidates and self.candidates[0].model.loss is not None else None
+
+    def _predicted(self, time: Array, power: Array, ambient: float, before: float) -> Array:
+        first = self._curved
+        if first is None:
+            return Dynamics._predicted(self, time, power, ambient, before)
+        return first._predicted(time, power, ambient, before)
 
     @property
     def outcome_text(self) -> str:

@@ -16,7 +16,7 @@ from heatertune.compiled import bound
 from heatertune.heater import exact
 from heatertune.heater.elementary import decay, expm1_negative, logarithm, logarithm_beside_1
 from heatertune.heater.exact import Factors, advance_step
-from heatertune.heater.loss_curve import Loss, tangent_at
+from heatertune.heater.heat_loss import Loss, tangent_at
 
 __all__ = [
     "AGAIN", "MOST_ROUNDS", "CrossingSearch", "Flow", "LossPlant", "Plant", "advance_heater", "area", "closer",

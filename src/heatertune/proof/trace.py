@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from heatertune.arrays import Array
 from heatertune.heater.exact import advance, area, turning_times
-from heatertune.heater.loss_curve import Loss, loss_at
+from heatertune.heater.heat_loss import Loss, loss_at
 from heatertune.model.loss_curve import loss_above
 from heatertune.model.values import HeaterModel
 from heatertune.plc.pwm import Actuator

@@ -1,6 +1,6 @@
 """The loss curve of a heater, from a log of two powers or more: convection with radiation, or a power of the rise.
 
-A heater with the curve of `heatertune.heater.loss_curve` and a sensor behind it or none is fitted to the temperature.
+A heater with the curve of `heatertune.heater.heat_loss` and a sensor behind it or none is fitted to the temperature.
 The curve is taken only where it leaves nothing but noise, where it explains the log better than any other nonlinear
 heater does, and where its shape is known; what else explains the log nearly as well is plausible too. One power alone
 shows the gain at one temperature, so it decides nothing about the shape.
@@ -26,9 +26,9 @@ from heatertune.arrays import Array
 from heatertune.compiled import compile_function
 from heatertune.errors import OutOfRange
 from heatertune.heater.exact import advance_step, factors
-from heatertune.heater.loss_curve import ABSOLUTE_ZERO_DEGC, RADIATION, Loss, loss_at, tangent_at
+from heatertune.heater.heat_loss import ABSOLUTE_ZERO_DEGC, RADIATION, Loss, LossCurve, loss_at, tangent_at
 from heatertune.model.least_squares import minimise
-from heatertune.model.loss_curve import LossCurve, LossFopdt, LossTwoLag, heater_with_loss, steady_power_pct
+from heatertune.model.loss_curve import LossFopdt, LossTwoLag, heater_with_loss, steady_power_pct
 from heatertune.model.outliers import sensor_step
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
 from heatertune.model.power.regressors import AMBIENT, GAIN
@@ -163,8 +163,8 @@ def fit_loss_curves(problems: Sequence[PowerProblem], fits: Sequence[PowerFit], 
     found = []
     for family in _FAMILIES:
         for problem in problems:
-            solved = _fit(problem, fits[0], family)
-            if solved.bic < better_than - _NEAR and (fit := _told(solved, levels)) is not None:
+            solution = _fit(problem, fits[0], family)
+            if solution.bic < better_than - _NEAR and (fit := _described(solution, levels)) is not None:
                 found.append(fit)
     found.sort(key=lambda fit: fit.bic)
     kept = [fit for fit in found if fit.bic < found[0].bic + _NEAR]
@@ -189,7 +189,7 @@ def _shortest_hold(problem: PowerProblem) -> float:
     return 0.0 if math.isinf(shortest) else shortest
 
 
-class _Solved(NamedTuple):
+class _Solution(NamedTuple):
     """A fit: the vector, its bounds, the problem and the family."""
 
     vector: Array
@@ -200,7 +200,7 @@ class _Solved(NamedTuple):
     bic: float
 
 
-def _fit(problem: PowerProblem, near: PowerFit, family: _Family) -> _Solved:
+def _fit(problem: PowerProblem, near: PowerFit, family: _Family) -> _Solution:
     low, high = _bounds(problem, near, family)
     coarse = problem.average(_COARSE)
     vectors = _starts(problem, near, family)
@@ -215,7 +215,7 @@ def _fit(problem: PowerProblem, near: PowerFit, family: _Family) -> _Solved:
         vectors = minima.parameters[np.argsort(minima.cost)[:1]]
     simulated = _answers(problem, vectors, family)[0]
     unknowns = int(np.count_nonzero(high > low))
-    return _Solved(vectors[0], (low, high), problem, family, simulated,
+    return _Solution(vectors[0], (low, high), problem, family, simulated,
                    ar1_bic(problem.readings.temperature_degC - simulated, unknowns))
 
 
@@ -320,44 +320,44 @@ def _numbers(z: Array, family: _Family, top: float, steps: float, *, two_lags: b
             math.exp(z[_SENSOR]) if two_lags else 0.0, *loss, lag / slope / steps]
 
 
-def _heater(z: Array, solved: _Solved) -> HeaterModel | None:
+def _heater(z: Array, solution: _Solution) -> HeaterModel | None:
     """Return the heater of a vector, None where it is none."""
-    top = float(solved.problem.readings.temperature_degC.max())
+    top = float(solution.problem.readings.temperature_degC.max())
     numbers = {"gain_degC_per_pct": math.exp(z[_GAIN]), "time_constant_s": math.exp(z[_LAG]),
                "dead_time_s": max(float(z[_DEAD]), 0.0), "ambient_degC": float(z[_ROOM]),
-               "loss": solved.family.curve(float(z[_SHAPE]), top)}
+               "loss": solution.family.curve(float(z[_SHAPE]), top)}
     try:
-        if solved.problem.two_lags:
+        if solution.problem.two_lags:
             return LossTwoLag(**numbers, second_time_constant_s=math.exp(z[_SENSOR]))  # type: ignore[arg-type]
         return LossFopdt(**numbers)  # type: ignore[arg-type]
     except OutOfRange:
         return None
 
 
-def _told(solved: _Solved, levels: tuple[float, ...]) -> LossFit | None:
+def _described(solution: _Solution, levels: tuple[float, ...]) -> LossFit | None:
     """Return a fit with the ends of its intervals, None where it is no heater or a parameter is not known at all."""
-    model, covariance = _heater(solved.vector, solved), _covariance(solved)
+    model, covariance = _heater(solution.vector, solution), _covariance(solution)
     if model is None or covariance is None:
         return None
-    shape = float(solved.vector[_SHAPE])
-    reach = student_t(max(len(solved.simulated_degC) - 8, 2)) * math.sqrt(covariance[_SHAPE, _SHAPE])
+    shape = float(solution.vector[_SHAPE])
+    reach = student_t(max(len(solution.simulated_degC) - 8, 2)) * math.sqrt(covariance[_SHAPE, _SHAPE])
     return LossFit(
-        heaters=(LossEnd(model, ""), *_ends(solved, covariance)), shape=shape,
-        shape_ci95=Interval(low=max(shape - reach, solved.family.low), high=min(shape + reach, solved.family.high)),
-        levels_degC=levels, simulated_degC=solved.simulated_degC, bic=solved.bic, problem=solved.problem)
+        heaters=(LossEnd(model, ""), *_ends(solution, covariance)), shape=shape,
+        shape_ci95=Interval(low=max(shape - reach, solution.family.low), high=min(shape + reach, solution.family.high)),
+        levels_degC=levels, simulated_degC=solution.simulated_degC, bic=solution.bic, problem=solution.problem)
 
 
-def _covariance(solved: _Solved) -> Array | None:
+def _covariance(solution: _Solution) -> Array | None:
     """Return the covariance of the free parameters, shape (8, 8), 0 for the others; None where it is singular."""
-    (low, high), z, readings = solved.bounds, solved.vector, solved.problem.readings
+    (low, high), z, readings = solution.bounds, solution.vector, solution.problem.readings
     free = np.flatnonzero(high > low)
     steps = 1e-4 * (high - low)[free]
     moved = np.tile(z, (2 * len(free), 1))
     moved[np.arange(len(free)), free] += steps
     moved[len(free) + np.arange(len(free)), free] -= steps
-    answers = _answers(solved.problem, moved, solved.family)
+    answers = _answers(solution.problem, moved, solution.family)
     slopes = (answers[:len(free)] - answers[len(free):]) / (2.0 * steps[:, None])
-    left = readings.temperature_degC - solved.simulated_degC
+    left = readings.temperature_degC - solution.simulated_degC
     rho = float(np.clip(left[1:] @ left[:-1] / max(float(left @ left), 1e-300), 0.0, 0.98))
     variance = float(left @ left) / max(len(left) - len(free), 1) * (1.0 + rho) / (1.0 - rho)
     scale = np.sqrt(np.sum(slopes**2, axis=1))
@@ -372,11 +372,11 @@ def _covariance(solved: _Solved) -> Array | None:
     return whole
 
 
-def _ends(solved: _Solved, covariance: Array) -> Iterator[LossEnd]:
+def _ends(solution: _Solution, covariance: Array) -> Iterator[LossEnd]:
     """Yield the heaters at the ends of intervals, the other parameters following."""
-    low, high = solved.bounds
-    reach = student_t(max(len(solved.simulated_degC) - 8, 2))
-    far = _by_power(solved)
+    low, high = solution.bounds
+    reach = student_t(max(len(solution.simulated_degC) - 8, 2))
+    far = _by_power(solution)
     directions = {"loss curve": np.eye(8)[_SHAPE], "dead time": np.eye(8)[_DEAD],
                   "gain per time constant": np.eye(8)[_GAIN] - np.eye(8)[_LAG],
                   "power beyond the log": far}
@@ -385,27 +385,27 @@ def _ends(solved: _Solved, covariance: Array) -> Iterator[LossEnd]:
         if deviation == 0.0:
             continue
         for sign, end in ((-1.0, "low"), (1.0, "high")):
-            moved = solved.vector + sign * reach * (covariance @ direction) / deviation
+            moved = solution.vector + sign * reach * (covariance @ direction) / deviation
             if name == "loss curve" and reach * deviation * abs(far[_SHAPE]) < _LEAST:  # no real loss is just a formula
-                moved = solved.vector + sign * _LEAST / abs(far[_SHAPE]) * direction
-            model = _heater(np.clip(moved, low, high), solved)
+                moved = solution.vector + sign * _LEAST / abs(far[_SHAPE]) * direction
+            model = _heater(np.clip(moved, low, high), solution)
             if model is not None:
                 yield LossEnd(model, f"{name} at its {end} end")
 
 
-def _by_power(solved: _Solved) -> Array:
+def _by_power(solution: _Solution) -> Array:
     """Return the slopes of the logarithm of the power that holds twice the logged rise, shape (8,)."""
-    top = float(solved.problem.readings.temperature_degC.max())
-    room = float(solved.vector[_ROOM])
+    top = float(solution.problem.readings.temperature_degC.max())
+    room = float(solution.vector[_ROOM])
     far, slopes = room + _FAR * (top - room), np.zeros(8)
-    low, high = solved.bounds
+    low, high = solution.bounds
     for place in np.flatnonzero(high > low):
         step = 1e-4 * (high - low)[place]
         powers = []
         for sign in (1.0, -1.0):
-            moved = solved.vector.copy()
+            moved = solution.vector.copy()
             moved[place] = np.clip(moved[place] + sign * step, low[place], high[place])
-            model = _heater(moved, solved)
+            model = _heater(moved, solution)
             powers.append(math.nan if model is None else math.log(steady_power_pct(model, far)))
         slopes[place] = (powers[0] - powers[1]) / (2.0 * step)
     return np.nan_to_num(slopes)

@@ -443,12 +443,12 @@ def replay(drawing: SampleRequest, seed: int, setting: int = 0, limits: LoopLimi
     return trace_run(controller, model, scenario, actuator, noise, late, limits)
 
 
-def _heater(row: Array, around: HeaterModel) -> HeaterModel:
+def _heater(row: Array, centre: HeaterModel) -> HeaterModel:
     """Return the heater of a row of `SampleRequest.heaters_of`, shape (6,) or more, drawn around another one."""
     gain, first, second, dead, ambient = row[:5].tolist()
-    if around.loss is not None:  # its curve keeps its own ambient; the scenario states the drawn one
+    if centre.loss is not None:  # its curve keeps its own ambient; the scenario states the drawn one
         lags = {"second_time_constant_s": second} if second else {}
-        return replace(around, gain_degC_per_pct=gain, time_constant_s=first, dead_time_s=dead, **lags)
+        return replace(centre, gain_degC_per_pct=gain, time_constant_s=first, dead_time_s=dead, **lags)
     known = {"gain_degC_per_pct": gain, "time_constant_s": first, "dead_time_s": dead, "ambient_degC": ambient}
     return TwoLag(**known, second_time_constant_s=second) if second else Fopdt(**known)
 

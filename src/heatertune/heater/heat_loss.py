@@ -9,16 +9,18 @@ the room and n = 1.0…1.6 is the model of RepRapFirmware. Below a thousandth of
 A step of constant power takes the tangent to the loss at the temperature where it begins and is exact for that tangent
 (exponential Rosenbrock–Euler method; M. Hochbruck, A. Ostermann, Acta Numerica 19 (2010) 209–286, section 2.4): its
 error is of third order in the step, and 0 if the loss is straight. `STEPS` of them to the shortest lag keep it below a
-hundred-thousandth of the rise (`tests/heater/test_loss_curve.py`).
+hundred-thousandth of the rise (`tests/heater/test_heat_loss.py`).
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 from heatertune.heater.elementary import decay, logarithm
+from heatertune.units import check
 
-__all__ = ["ABSOLUTE_ZERO_DEGC", "RADIATION", "STEPS", "STRAIGHT", "Loss", "Tangent", "loss_at", "tangent_at"]
+__all__ = ["ABSOLUTE_ZERO_DEGC", "RADIATION", "STEPS", "Loss", "LossCurve", "Tangent", "loss_at", "tangent_at"]
 
 ABSOLUTE_ZERO_DEGC: Final = -273.15
 #: of the temperature above absolute zero, to which radiation grows (Stefan–Boltzmann)
@@ -45,10 +47,6 @@ class Tangent(NamedTuple):
     gain: float
     lag: float
     ambient: float
-
-
-#: no curve
-STRAIGHT: Final = Loss(1.0, 0.0, 1.0, 0.0, 1.0)
 
 
 def _power(number: float, exponent: float) -> float:
@@ -91,3 +89,42 @@ def tangent_at(degC: float, gain: float, lag: float, room: float, loss: Loss) ->
     """
     lost, slope = loss_at(degC, room, loss)
     return Tangent(gain / slope, lag / slope, degC - lost / slope)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LossCurve:
+    """The shape of a heat loss.
+
+    Attributes:
+        share: part of the loss at `at_degC` that is bent, 0…1; the rest is proportional to the rise above the ambient.
+        exponent: of the bent part: 4 for radiation.
+        origin_degC: temperature from which the bent part counts; None: from the ambient.
+        at_degC: temperature of the chord: the setpoint of use that needs the most power.
+        low_degC: the lowest setpoint of use, None if there is no other.
+
+    Raises:
+        OutOfRange: a share outside 0…1, an exponent below 1.
+    """
+
+    share: float
+    exponent: float
+    at_degC: float
+    origin_degC: float | None = None
+    low_degC: float | None = None
+
+    def __post_init__(self) -> None:
+        check("share", self.share, least=0.0, most=1.0)
+        check("exponent", self.exponent, least=1.0, most=6.0)
+        check("at_degC", self.at_degC, above=ABSOLUTE_ZERO_DEGC)
+
+    @property
+    def is_radiation(self) -> bool:
+        """Whether the bent part is radiation."""
+        return self.origin_degC == ABSOLUTE_ZERO_DEGC and self.exponent == RADIATION
+
+    def loss(self, room_degC: float) -> Loss:
+        """Return the curve above a room, with a loss of `at_degC` − room at that temperature."""
+        origin = room_degC if self.origin_degC is None else self.origin_degC
+        whole, _ = loss_at(self.at_degC, room_degC, Loss(0.0, 1.0, self.exponent, origin, self.at_degC - origin))
+        return Loss(1.0 - self.share, self.share * (self.at_degC - room_degC) / whole, self.exponent, origin,
+                    self.at_degC - origin)

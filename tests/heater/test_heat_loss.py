@@ -6,9 +6,8 @@ from scipy.constants import Stefan_Boltzmann
 from scipy.integrate import solve_ivp
 
 from heatertune.errors import OutOfRange
-from heatertune.heater.loss_curve import Loss, loss_at, tangent_at
+from heatertune.heater.heat_loss import Loss, LossCurve, loss_at, tangent_at
 from heatertune.model.loss_curve import (
-    LossCurve,
     LossFopdt,
     LossTwoLag,
     heater_with_loss,
