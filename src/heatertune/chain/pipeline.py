@@ -24,6 +24,7 @@ from heatertune.log.values import Log
 from heatertune.model import document as model_document
 from heatertune.model.disturbance import DisturbanceEffect
 from heatertune.model.document import from_document, read_model
+from heatertune.model.loss_curve import for_setpoints
 from heatertune.model.values import FittedModel
 from heatertune.options import Keywords, merge_options, split_options, with_options
 from heatertune.pid import document as pid_document
@@ -44,6 +45,7 @@ from heatertune.proof.document import ComparisonView, ProofView, check_document
 from heatertune.proof.feed_forward import FeedForwardProof, PlainLoop, prove_feed_forward
 from heatertune.proof.heaters import holding_heaters
 from heatertune.proof.pictures import pictures, robustness
+from heatertune.proof.prove_words import every_setpoint
 from heatertune.proof.redesign.on_samples import closed_on_samples
 from heatertune.proof.text_comparison import as_exported
 from heatertune.proof.verdict import PROOF_SCHEMA
@@ -259,6 +261,7 @@ def design(
         request = _of_its_heater(request, log)
         progress(_told("fit"))
         fitted = fit(log, fitted_with, companions=True, progress=progress)
+        fitted = for_setpoints(fitted, every_setpoint(fitted, request.conditions))
         second.draw(_found(log, fitted), "log")
         found = closed_on_samples(fitted, request, progress=progress, stage=lambda name: progress(_told(name)))
         progress(_told("report"))

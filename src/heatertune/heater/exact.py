@@ -88,7 +88,7 @@ def turning_time(y: float, x: float, target: float, outer: float, inner: float) 
     return stretch if rate == 0.0 else log1p(rate * stretch) / rate
 
 
-def advance(y: Array, x: Array, target: Array, t: Array, outer: float, inner: float) -> Array:
+def advance(y: Array, x: Array, target: Array, t: Array, outer: Numbers, inner: Numbers) -> Array:
     """Return y after a time, all of one shape; see `factors` and `advanced`, which do it for numbers.
 
     Args:
@@ -100,10 +100,10 @@ def advance(y: Array, x: Array, target: Array, t: Array, outer: float, inner: fl
         inner: lag, 0 if there is one alone [s].
     """
     kept = target + np.exp(-t / outer) * (y - target)
-    return np.asarray(kept if inner == 0.0 else kept + _passed(t, outer, inner) / outer * (x - target))
+    return np.asarray(kept + _passed(t, outer, inner) / outer * (x - target) if np.any(inner) else kept)
 
 
-def area(y: Array, x: Array, target: Array, t: Array, outer: float, inner: float) -> Array:
+def area(y: Array, x: Array, target: Array, t: Array, outer: Numbers, inner: Numbers) -> Array:
     """Return ∫ `advance` dt over a time [°C·s], all of one shape.
 
     D is outer·inner times the slope of the answer to a unit step, so its integral is that times the answer itself.
@@ -117,7 +117,7 @@ def area(y: Array, x: Array, target: Array, t: Array, outer: float, inner: float
         inner: lag, 0 if there is one alone [s].
     """
     kept = target * t - outer * np.expm1(-t / outer) * (y - target)
-    return np.asarray(kept if inner == 0.0 else kept + inner * since_step(t, outer, inner)[0] * (x - target))
+    return np.asarray(kept + inner * since_step(t, outer, inner)[0] * (x - target) if np.any(inner) else kept)
 
 
 def turning_times(y: Array, x: Array, target: Array, outer: Numbers, inner: Numbers) -> Array:

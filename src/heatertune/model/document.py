@@ -25,8 +25,10 @@ from heatertune.codec import (
     register_schema,
 )
 from heatertune.errors import DocumentError
+from heatertune.heater.heat_loss import LossCurve
 from heatertune.model.disturbance import CoolingEffect, DisturbanceEffect
 from heatertune.model.findings import Finding
+from heatertune.model.loss_curve import LossFopdt, LossTwoLag
 from heatertune.model.statistics import Interval
 from heatertune.model.validation import LJUNG_BOX_95
 from heatertune.model.values import (
@@ -98,6 +100,7 @@ class CandidateView:
     dead_time_s: float
     ambient_degC: float | None = None
     second_time_constant_s: float | None = field(default=None, metadata=LEFT_OUT)
+    loss: LossCurve | None = field(default=None, metadata=LEFT_OUT)
     half_rule: _Reduced | None = field(default=None, metadata=LEFT_OUT)
     matched: _Reduced | None = field(default=None, metadata=LEFT_OUT)
     log: str
@@ -117,8 +120,8 @@ class CandidateView:
     def of(cls, candidate: Candidate) -> CandidateView:
         """Return the document of a candidate."""
         plant = candidate.model
-        if isinstance(plant, Fopdt):
-            return construct_from(cls, candidate, plant)
+        if isinstance(plant, Fopdt) or plant.loss is not None:  # the reductions are those of a linear heater
+            return construct_from(cls, candidate, plant, half_rule=None)
         from heatertune.model.reduction import match_fopdt
 
         return construct_from(cls, candidate, plant, half_rule=construct_from(_Reduced, plant.half_rule()),
@@ -392,6 +395,10 @@ class ModelView:
 
 
 def _heater(view: CandidateView | ModelView) -> HeaterModel:
+    if isinstance(view, CandidateView) and view.loss is not None:
+        if view.second_time_constant_s is None:
+            return construct_from(LossFopdt, view)
+        return construct_from(LossTwoLag, view)
     return construct_from(Fopdt, view) if view.second_time_constant_s is None else construct_from(TwoLag, view)
 
 

@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from typing import TYPE_CHECKING, Final, Protocol
+from typing import TYPE_CHECKING, Final, Protocol, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -25,6 +25,7 @@ from heatertune.units import check
 if TYPE_CHECKING:
     from control import StateSpace, TransferFunction
 
+    from heatertune.heater.heat_loss import LossCurve
     from heatertune.model.disturbance import CoolingEffect, DisturbanceEffect
     from heatertune.model.statistics import Interval
 
@@ -61,6 +62,16 @@ class Dynamics:
     def _heater(self) -> _Heater:
         raise NotImplementedError
 
+    @property
+    def loss(self) -> LossCurve | None:
+        """The curve of the heat loss; None if the loss is proportional to the rise above the ambient."""
+        return None
+
+    @property
+    def linear(self) -> tuple[HeaterModel, ...]:
+        """The linear heaters that a design has to serve: itself, or the tangents at the setpoints of use."""
+        return (cast("HeaterModel", self),)
+
     def step(self, time_s: npt.ArrayLike, *, power_pct: float = 1.0) -> Array:
         """Return the rise of the temperature after the power stepped from 0 at time 0, shape of `time_s` [°C].
 
@@ -95,6 +106,11 @@ class Dynamics:
         time, power = _course(time_s, power_pct)
         before = float(power[0]) if power_before_pct is None else power_before_pct
         check("power_before_pct", before, least=0.0, most=100.0)
+        return self._predicted(time, power, ambient, before)
+
+    def _predicted(self, time: Array, power: Array, ambient: float, before: float) -> Array:
+        """Return the temperature from rest at a power before, see `predict`."""
+        heater = self._heater
         steps = np.diff(power, prepend=before)
         edges = steps != 0.0
         began, height = time[edges] + heater.dead_time_s, steps[edges]
@@ -596,8 +612,19 @@ class FittedModel(NotebookDisplay, Dynamics):
                 f"{self.outcome.name}>")
 
     @property
-    def _heater(self) -> Fopdt:
-        return self.model
+    def _heater(self) -> HeaterModel:
+        return self._curved or self.model
+
+    @property
+    def _curved(self) -> HeaterModel | None:
+        """The first heater, if it has a loss curve: the working model is its tangent."""
+        return self.candidates[0].model if self.candidates and self.candidates[0].model.loss is not None else None
+
+    def _predicted(self, time: Array, power: Array, ambient: float, before: float) -> Array:
+        first = self._curved
+        if first is None:
+            return Dynamics._predicted(self, time, power, ambient, before)
+        return first._predicted(time, power, ambient, before)
 
     @property
     def outcome_text(self) -> str:
@@ -617,8 +644,8 @@ class FittedModel(NotebookDisplay, Dynamics):
 
     @property
     def plants(self) -> tuple[HeaterModel, ...]:
-        """Every heater a design has to serve."""
-        return tuple(model for _, model in self.heaters)
+        """Every linear heater a design has to serve."""
+        return tuple(dict.fromkeys(linear for _, model in self.heaters for linear in model.linear))
 
     @property
     def hypothetical(self) -> tuple[HeaterModel, ...]:

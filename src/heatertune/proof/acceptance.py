@@ -200,7 +200,8 @@ class Acceptance:
         of = self.margins_of
         if of is None or not designs:
             return {}
-        return {model: _worst([of(model, design) for design in designs]) for model in dict.fromkeys(models)}
+        return {model: _worst([of(linear, design) for linear in model.linear for design in designs])
+                for model in dict.fromkeys(models)}
 
     def step_power_pct(self, designs: Sequence[PidDesign], reading_degC: float) -> float | None:
         """Return the most power that one step of the reading moves [%]; None where there is no design.

@@ -19,18 +19,21 @@ import numpy as np
 
 from heatertune.model.cooler_mirror import cools
 from heatertune.model.findings import Finding
+from heatertune.model.loss_curve import has_loss_curve, steady_power_pct
 from heatertune.model.outliers import replace_outliers
 from heatertune.model.values import FitOutcome, FittedModel, HeaterModel
 from heatertune.proof.criteria import CRITERIA, LoopLimits
 from heatertune.proof.scenario import Scenario, can_hold
 
 __all__ = [
+    "BY_CURVE",
     "MAINS_POWERS",
     "RATED_ONLY",
     "RESERVE_PCT",
     "ROOM_DEGC",
     "MainsScenario",
     "Supply",
+    "beyond_by_curve",
     "beyond_log",
     "cooler_findings",
     "covered_degC",
@@ -41,6 +44,7 @@ __all__ = [
     "limits_off_rated",
     "mains_label",
     "range_is_unknown",
+    "reach_degC",
     "scale_power",
     "unreachable_findings",
 ]
@@ -104,6 +108,11 @@ ROOM_DEGC: Final = 20.0
 #: of the logged rise above the ambient: a setpoint so far beyond the log is covered by it. The gain of a heater that
 #: loses by radiation alone falls with the third power of its absolute temperature: by a fifth over such a step
 _COVERED: Final = 0.1
+#: in the remark that a setpoint lies beyond the log
+BY_CURVE: Final = "loss curve by two levels"
+#: of the logged rise: so far beyond the log a loss curve of two levels leads, if all plausible heaters agree
+_CURVE_REACH: Final = 2.2
+_SAME_POWER: Final = 0.1
 #: no room is colder or hotter, whatever ambient a fit extrapolates to [°C]
 _ROOMS_DEGC: Final = (0.0, 40.0)
 
@@ -190,6 +199,11 @@ def beyond_log(fitted: FittedModel, setpoints_degC: Sequence[float]) -> Iterator
     covered = covered_degC(fitted)
     if fitted.outcome is FitOutcome.BY_HAND or covered is None:
         return
+    if has_loss_curve(fitted):
+        reach = max(reach_degC(fitted), covered[1])
+        if max(setpoints_degC) > reach:
+            yield _beyond(max(setpoints_degC), math.floor(10.0 * reach) / 10.0, "up")
+        return
     (low, high), sides = covered, {"high"}
     if cools(fitted):
         sides = {"low"}
@@ -200,6 +214,35 @@ def beyond_log(fitted: FittedModel, setpoints_degC: Sequence[float]) -> Iterator
         yield _beyond(highest, math.floor(10.0 * high) / 10.0, "up")
     if "low" in sides and lowest < low:
         yield _beyond(lowest, math.ceil(10.0 * low) / 10.0, "down")
+
+
+def reach_degC(fitted: FittedModel) -> float:
+    """Return the highest setpoint to which the loss curves of a fit lead beyond its log [°C].
+
+    That is as long as all plausible heaters need the same power there within `_SAME_POWER`, up to `_CURVE_REACH` times
+    the logged rise: further than that no log of half the temperature tells what else loses heat.
+    """
+    (_, high), room = fitted.logged_range_degC or (0.0, 0.0), float(fitted.candidates[0].model.ambient_degC or 0.0)
+    far = [room + share * (high - room) for share in np.linspace(1.0, _CURVE_REACH, 25)]
+    powers = np.array([[steady_power_pct(model, degC) for degC in far] for _, model in labelled_heaters(fitted)])
+    differs = np.flatnonzero(np.ptp(powers, axis=0) > _SAME_POWER * powers.mean(axis=0))
+    return float(far[-1] if not len(differs) else far[max(int(differs[0]) - 1, 0)])
+
+
+def beyond_by_curve(fitted: FittedModel, setpoints_degC: Sequence[float]) -> Iterator[str]:
+    """Yield the remark that a setpoint lies beyond the log, and within the reach of its loss curve.
+
+    Args:
+        fitted: the heater.
+        setpoints_degC: every temperature that is asked for [°C].
+    """
+    covered, highest = covered_degC(fitted), max(setpoints_degC)
+    if covered is None or fitted.logged_range_degC is None or not has_loss_curve(fitted):
+        return
+    if covered[1] < highest <= reach_degC(fitted):
+        powers = [steady_power_pct(model, highest) for _, model in labelled_heaters(fitted)]
+        yield (f"{highest:g} °C from a log up to {fitted.logged_range_degC[1]:.0f} °C, {BY_CURVE}: "
+               f"{min(powers):.3g} to {max(powers):.3g} % of power hold it")
 
 
 def range_is_unknown(fitted: FittedModel, setpoints_degC: Sequence[float]) -> bool:

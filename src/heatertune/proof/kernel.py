@@ -37,12 +37,24 @@ from heatertune.proof.meter import (
     seen_on,
     update_rest,
 )
-from heatertune.proof.plant import Flow, Plant, advance_heater, factors, plant_from, turn
+from heatertune.proof.plant import (
+    AGAIN,
+    Flow,
+    LossPlant,
+    Plant,
+    advance_heater,
+    factors,
+    is_linear,
+    linear_plant,
+    turn,
+    unchanged,
+)
 
 __all__ = [
     "AS_TOLD", "HEAT", "JUMP", "LOAD", "MAINS", "PHASE", "REST", "Events", "LoopBatch", "ScanClock", "SetpointProgram",
-    "TraceArrays", "apart", "apply_event", "as_strong", "asked_now", "edge_at", "end_phase", "heat_after", "measure",
-    "measure_interval", "moves", "period_of", "run", "run_all", "step", "switched_off", "ticked_on", "times_on",
+    "TraceArrays", "apart", "apply_event", "as_strong", "asked_now", "edge_at", "end_phase", "heat_after",
+    "keep_nothing", "keep_tangent", "measure", "measure_interval", "moves", "next_event", "next_with_tangent",
+    "period_of", "run", "run_all", "step", "switched_off", "ticked_on", "times_on",
 ]
 
 
@@ -242,8 +254,9 @@ class TraceArrays(NamedTuple):
 class LoopBatch(NamedTuple):
     """Many loops of one controller: what differs between them, one row for each; see `run` for the meaning.
 
-    Of a plant the numbers of `Plant` and the temperature at the start. One row of noise or delays may serve all, and
-    one number of `cooling`, by which the cooler's power is multiplied.
+    Of a plant gain, lags, dead time and ambient of `Plant` and the temperature at the start; of one with a loss curve,
+    the numbers of `Loss` too, and the longest time for a tangent. One row of noise or delays may serve all, and one
+    number of `cooling`, by which the cooler's power is multiplied.
     """
 
     scans: int
@@ -287,28 +300,29 @@ def run(  # noqa: PLR0913 - compiled for the types of each: one value of them al
     scan_s, late, noise, cold = clock.scan_s, clock.late, clock.noise, state
     leads, shaken, noisy = events.leads, len(late) > 1, len(noise) > 1
     whole, period, least = factors(scan_s, plant), pwm.heat[0], -100.0 if pwm.cooling > 0.0 else 0.0
-    flow = Flow(0.0, start, start, plant.ambient, 0.0, 0.0, 1.0)
+    plant, flow = unchanged(plant, Flow(0.0, start, start, plant.ambient, 0.0, 0.0, 1.0))
     owed, begin, tick, origin = (0.0, 0.0), 0.0, 0.0, 0.0
     begun = ticked = switched = arrived = happened = phase = calls = 0
     rows, t, following, word = _stretch(record, 0, flow), late[0], 0.0, program.setpoints[0]
-    seen, rest = _begin(meter, start)
-    due, kind = _next(plant, events, happened, edges, arrived, switched)
+    (seen, rest), (due, kind) = _begin(meter, start), next_event(plant, events, happened, edges, arrived, switched)
     for k in range(clock.scans):
         # the time between two scans is a whole interval where neither is late and nothing happens between them
-        quiet = k > 0 and (not shaken or late[k] == late[k - 1])
+        quiet = k > 0 and is_linear(plant) and (not shaken or late[k] == late[k - 1])
         while due <= t:
             quiet = False
             before = advance_heater(flow, due, factors(due - flow.now, plant))
             seen, rest = measure_interval(meter, seen, rest, plant, flow, before)
             value = heat_after(edges, arrived, pwm.cooling) if kind == HEAT else events.value[happened]
-            flow = apply_event(plant, before, kind, value)
+            plant, flow = unchanged(plant, apply_event(plant, before, kind, value))
             seen, rest = end_phase(meter, seen, rest, flow, kind)
-            arrived, happened = arrived + (kind == HEAT), happened + (kind != HEAT)
+            arrived, happened = arrived + (kind == HEAT), happened + (kind not in (HEAT, AGAIN))
             phase += _begins_phase(kind)
-            rows = _stretch(record, rows, flow) if kind <= HEAT else rows
-            due, kind = _next(plant, events, happened, edges, arrived, switched)
+            rows = _stretch(record, rows, flow) if kind <= HEAT else keep_nothing(record, rows, flow)
+            due, kind = next_event(plant, events, happened, edges, arrived, switched)
         before, flow = flow, advance_heater(flow, t, whole if quiet else factors(t - flow.now, plant))
         seen, rest = measure_interval(meter, seen, rest, plant, before, flow)
+        plant, flow = unchanged(plant, flow)
+        rows = keep_nothing(record, rows, flow)
         reading = measure(sensor, flow.y + (noise[k] if noisy else noise[0]))
         if calls == 0 and k > 0 and program.supplied[phase] and apart(begin, k * scan_s, period):
             origin, begin, tick, begun, ticked = t, t, t, 0, 0
@@ -333,8 +347,7 @@ def run(  # noqa: PLR0913 - compiled for the types of each: one value of them al
             switched, owed = period_of(edges, switched, begin, power, owed, pwm, cut)
             begun += 1
             begin = origin + begun * period
-        due, kind = _next(plant, events, happened, edges, arrived, switched)
-        t = following
+        t, (due, kind) = following, next_event(plant, events, happened, edges, arrived, switched)
     _end(meter, seen, rest, edges, switched, flow.now)
     return switched, rows
 
@@ -364,7 +377,7 @@ def run_all(  # noqa: PLR0913 - as `run`
         noise, late = batch.noise[i % len(batch.noise)], batch.late[i % len(batch.late)]
         counted = run(
             parameters, cold_state(parameters, state), sensor, ScanClock(scan_s, batch.scans, noise, late), program,
-            plant_from(row[0], row[1], row[2], row[3], row[4]), row[5],
+            linear_plant(row), row[5],
             Events(batch.event_time[i], batch.event_kind[i], batch.event_value[i], batch.leads),
             as_strong(pwm, batch.cooling[i % len(batch.cooling)]), cut, edges, record,
             Meter(meter.measures, meter.setpoints, meter.band, meter.period, meter.wrong, meter.phases[i],
@@ -373,14 +386,42 @@ def run_all(  # noqa: PLR0913 - as `run`
     return counted
 
 
-def _next(plant: Plant, events: Events, happened: int, edges: Places, arrived: int, switched: int) -> tuple[float, int]:
-    """Return instant and kind of what happens next; at one instant jumps and loads come before the switch."""
+def next_event(
+    plant: Plant, events: Events, happened: int, edges: Places, arrived: int, switched: int
+) -> tuple[float, int]:
+    """Return instant and kind of what happens next; at one instant jumps and loads come before the switch.
+
+    Args:
+        plant: the heater.
+        events: beside the switch.
+        happened: how many of them did.
+        edges: the ring.
+        arrived: how many edges reached the heater.
+        switched: how often was switched so far.
+    """
     due, kind = events.time[happened], events.kind[happened]
     if arrived < switched:
         edge = edge_at(edges, arrived) + plant.dead
         if edge < due or (edge == due and kind > HEAT):
             return edge, HEAT
     return due, kind
+
+
+def next_with_tangent(
+    plant: LossPlant, events: Events, happened: int, edges: Places, arrived: int, switched: int
+) -> tuple[float, int]:
+    """Return what happens next to a heater with a loss curve, of which a tangent is taken again; see `next_event`.
+
+    Args:
+        plant: the heater.
+        events: as there.
+        happened: likewise.
+        edges: likewise.
+        arrived: likewise.
+        switched: likewise.
+    """
+    due, kind = next_event(plant, events, happened, edges, arrived, switched)  # type: ignore[arg-type]  # its fields
+    return (plant.until, AGAIN) if plant.until < due else (due, kind)
 
 
 def apply_event(plant: Plant, flow: Flow, kind: int, value: float) -> Flow:
@@ -437,6 +478,16 @@ def _stretch(record: TraceArrays, rows: int, flow: Flow) -> int:
         record.inner[rows] = flow.x
         record.target[rows] = flow.target
     return rows + 1
+
+
+def keep_nothing(_record: TraceArrays, rows: int, _flow: Flow) -> int:
+    """Return how many stretches there are: scans begin none; `keep_tangent` is bound for a heater with a loss curve."""
+    return rows
+
+
+def keep_tangent(record: TraceArrays, rows: int, flow: Flow) -> int:
+    """Keep the begin of a tangent as that of a stretch; return how many there are."""
+    return _stretch(record, rows, flow)
 
 
 def _scanned(record: TraceArrays, k: int, y: float, followed: Any, reading: Any, power: float, flags: int) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 from heatertune.arrays import Array
 from heatertune.compiled import bound, compile_function, worth_compiling
 from heatertune.errors import InputError, OutOfRange
+from heatertune.model.loss_curve import loss_numbers
 from heatertune.model.values import HeaterModel
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import StepFunctions
@@ -28,9 +29,19 @@ from heatertune.proof.criteria import (
     columns_of,
     meter_for,
 )
-from heatertune.proof.kernel import LoopBatch, SetpointProgram, TraceArrays, asked_now, run, run_all
+from heatertune.proof.kernel import (
+    LoopBatch,
+    SetpointProgram,
+    TraceArrays,
+    asked_now,
+    keep_tangent,
+    next_with_tangent,
+    run,
+    run_all,
+)
 from heatertune.proof.meter import Meter, no_meter
 from heatertune.proof.phase_statistics import CriterionTable, rests_of, table_from
+from heatertune.proof.plant import loss_plant, tangent, with_loss
 from heatertune.proof.scenario import (
     Scenario,
     conditions,
@@ -40,14 +51,16 @@ from heatertune.proof.scenario import (
 from heatertune.proof.trace import Trace
 
 __all__ = [
-    "MOST_SCANS", "LoopController", "actuator_of", "check_words", "in_loop", "noise_of", "plant_row",
-    "program_of", "pulses_of", "ring_size", "run_compiled", "run_loop", "run_of", "run_plainly", "run_with", "scans_of",
+    "MOST_SCANS", "LoopController", "actuator_of", "check_words", "have_loss", "in_loop", "noise_of", "plant_row",
+    "plant_rows", "program_of",
+    "pulses_of", "ring_size", "run_compiled", "run_loop", "run_of", "run_plainly", "run_with", "scans_of",
     "simulate", "trace_run",
 ]
 
 
 MOST_SCANS: Final = 10_000_000
 _ENDS_DEGC: Final = (100.0, 150.0, 200.0, 300.0, 400.0, 600.0, 850.0, 1000.0, 1300.0)  # of usual sensors
+_LINEAR: Final = 6  # numbers in a row of a linear heater
 _PLC_RESOLUTION_S: Final = 0.001  # pulse width register in milliseconds: S7-200 System Manual, SMW70
 
 
@@ -210,7 +223,7 @@ def trace_run(
     """
     actuator, scans = actuator_of(controller, actuator), scans_of(controller, scenario)
     time = np.arange(scans, dtype=np.float64) * controller.scan_s + late_s
-    plant = np.array([plant_row(model, scenario)])
+    plant = plant_rows([model], scenario)
     meter, phases = meter_for(
         scenario, limits or LoopLimits(), end_s=float(time[-1]), period_s=actuator.pwm_period_s,
         flags=controller.core.flags, resolution_degC=controller.resolution_degC)
@@ -220,9 +233,12 @@ def trace_run(
     batch = LoopBatch(scans, noise_degC[None], late_s[None], plant, *events, np.array(scenario.leads))
     pulses = pulses_of(time[-1] + 2.0 * controller.scan_s, actuator) + 2 * scenario.supplied.count(False)  # start-ups
     edges = np.empty(ring_size(pulses))
+    stretches = pulses + batch.event_time.size
+    if have_loss(plant):  # each scan and each tangent begins one more
+        stretches += 2 + scans + math.ceil(float(time[-1]) / plant[0, -1])
     record = TraceArrays(
         True, np.empty(scans), np.empty(scans), np.empty(scans), np.empty(scans), np.zeros(scans, dtype=np.int64),
-        *(np.empty(pulses + batch.event_time.size) for _ in range(4)),
+        *(np.empty(stretches) for _ in range(4)),
     )
     given = (program_of(controller, scenario), batch, actuator.switches, cut_s, edges, record, meter)
     switched, rows = run_with(controller, given, (1 + meter.measures) * scans)  # plain, a measured scan takes two
@@ -261,17 +277,29 @@ def run_with(controller: LoopController, given: tuple[Any, ...], scans: int, *, 
     """
     core = controller.core
     given = (controller.parameters, core.own(controller.state), controller.sensor, controller.scan_s, *given)
-    name = f"{core.step.__module__}.{core.step.__qualname__}"
-    if core.compiles and worth_compiling(scans, name, function=run_of(core), ahead=ahead):
+    loss = _runs_with_loss(given)
+    name = f"{core.step.__module__}.{core.step.__qualname__}{' with a loss curve' if loss else ''}"
+    if core.compiles and worth_compiling(scans, name, function=run_of(core, loss=loss), ahead=ahead):
         return run_compiled(core, given)
     return run_plainly(core, given)
 
 
-def run_of(core: StepFunctions) -> Callable[..., tuple[int, int]]:
-    """Return the kernel with a controller in it, a plain function."""
+def run_of(core: StepFunctions, *, loss: bool = False) -> Callable[..., tuple[int, int]]:
+    """Return the kernel with a controller in it, a plain function; with `loss`, for heaters with a loss curve."""
+    own = _WITH_LOSS if loss else {}
     loop = bound(run, step=core.step, measure=core.measure, warm_state=core.warm_start,
-                 asked_now=bound(asked_now, setpoint_word=core.store_setpoint))
-    return cast("Callable[..., tuple[int, int]]", bound(run_all, run=loop, cold_state=core.cold_start))
+                 asked_now=bound(asked_now, setpoint_word=core.store_setpoint), **own)
+    rows: dict[str, Callable[..., Any]] = {"linear_plant": loss_plant} if loss else {}
+    return cast("Callable[..., tuple[int, int]]", bound(run_all, run=loop, cold_state=core.cold_start, **rows))
+
+
+#: what the kernel calls for heaters with a loss curve in the place of what it calls for linear ones
+_WITH_LOSS: Final[dict[str, Callable[..., Any]]] = {
+    "unchanged": tangent, "is_linear": with_loss, "next_event": next_with_tangent, "keep_nothing": keep_tangent}
+
+
+def _runs_with_loss(given: tuple[Any, ...]) -> bool:
+    return any(have_loss(each.plants) for each in given if isinstance(each, LoopBatch))
 
 
 def run_compiled(core: StepFunctions, given: tuple[Any, ...]) -> tuple[int, int]:
@@ -279,7 +307,7 @@ def run_compiled(core: StepFunctions, given: tuple[Any, ...]) -> tuple[int, int]
     if core.singles:
         parameters, state, sensor, scan_s, program, *others = given
         given = to_single(parameters), to_single(state), sensor, scan_s, to_single(program), *others
-    return compile_function(run_of(core))(*given)
+    return compile_function(run_of(core, loss=_runs_with_loss(given)))(*given)
 
 
 def run_plainly(core: StepFunctions, given: tuple[Any, ...]) -> tuple[int, int]:
@@ -293,7 +321,7 @@ def run_plainly(core: StepFunctions, given: tuple[Any, ...]) -> tuple[int, int]:
         return type(value)(*map(plain, value)) if isinstance(value, SetpointProgram | LoopBatch | TraceArrays
                                                              | Meter) else value
 
-    counted = run_of(core)(*map(plain, given))
+    counted = run_of(core, loss=_runs_with_loss(given))(*map(plain, given))
     for array, written in lists:
         array[:] = written
     return counted
@@ -318,6 +346,19 @@ def plant_row(model: HeaterModel, scenario: Scenario) -> list[float]:
     ambient, start = temperatures(scenario, model)
     first, *rest = model.lags_s
     return [model.gain_degC_per_pct, first, rest[0] if rest else 0.0, model.dead_time_s, ambient, start]
+
+
+def plant_rows(models: Sequence[HeaterModel], scenario: Scenario) -> Array:
+    """Return heaters in a scenario as `LoopBatch.plants`: longer rows for all where one has a loss curve."""
+    rows = [plant_row(model, scenario) for model in models]
+    if any(model.loss is not None for model in models):
+        rows = [[*row, *loss_numbers(model, row[4])] for row, model in zip(rows, models, strict=True)]
+    return np.array(rows)
+
+
+def have_loss(plants: Array) -> bool:
+    """Return whether rows are those of heaters with a loss curve."""
+    return bool(plants.shape[1] > _LINEAR)
 
 
 def program_of(controller: LoopController, scenario: Scenario) -> SetpointProgram:

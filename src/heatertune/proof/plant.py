@@ -10,16 +10,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from heatertune.compiled import bound
 from heatertune.heater import exact
 from heatertune.heater.elementary import decay, expm1_negative, logarithm, logarithm_beside_1
 from heatertune.heater.exact import Factors, advance_step
+from heatertune.heater.heat_loss import Loss, tangent_at
 
 __all__ = [
-    "MOST_ROUNDS", "CrossingSearch", "Flow", "Plant", "advance_heater", "area", "closer", "factors", "level_crossing",
-    "plant_from", "searched_from", "turn",
+    "AGAIN", "MOST_ROUNDS", "CrossingSearch", "Flow", "LossPlant", "Plant", "advance_heater", "area", "closer",
+    "factors", "is_linear", "level_crossing", "linear_plant", "loss_plant", "plant_from", "searched_from", "tangent",
+    "turn", "unchanged", "with_loss",
 ]
 
 _NEAR: Final = 1e-9  # a root is followed until it moves by no more [s]
@@ -73,13 +75,90 @@ def plant_from(gain: float, first: float, second: float, dead: float, ambient: f
     return Plant(gain, first, second, dead, ambient, by_first, by_second, apart, 1.0 / apart if apart != 0.0 else 0.0)
 
 
+class LossPlant(NamedTuple):
+    """A heater with a loss curve: its tangent at present, as `Plant`, of a sensor behind the mass that loses heat.
+
+    With one lag, the tangent has the mass alone. `until` is the instant at which the next one is due [s]; what follows
+    is the heater itself: gain [°C/%], lag of the mass and of the sensor (0: none) [s], room [°C], loss, and the longest
+    time for which a tangent is taken [s].
+    """
+
+    gain: float
+    first: float
+    second: float
+    dead: float
+    ambient: float
+    by_first: float
+    by_second: float
+    apart: float
+    by_apart: float
+    until: float
+    base_gain: float
+    mass: float
+    sensor: float
+    room: float
+    loss: Loss
+    step: float
+
+
+#: kind of an event of a heater with a loss curve: its tangent is taken again
+AGAIN: Final = 6
+
+
+def linear_plant(row: Any) -> Plant:
+    """Return the heater of a row of `LoopBatch.plants`."""
+    return plant_from(row[0], row[1], row[2], row[3], row[4])
+
+
+def loss_plant(row: Any) -> LossPlant:
+    """Return the heater with a loss curve of a row of `LoopBatch.plants`, at its start."""
+    loss = Loss(row[6], row[7], row[8], row[9], row[10])
+    bare = LossPlant(row[0], row[1], row[2], row[3], row[4], 0.0, 0.0, 0.0, 0.0, 0.0, row[0], row[1], row[2], row[4],
+                     loss, row[11])
+    return _tangent_of(bare, row[5], 0.0)
+
+
+def is_linear(_plant: Any) -> bool:
+    """Return whether the lags are the same all the time; `with_loss` is bound where they are not."""
+    return True
+
+
+def with_loss(_plant: Any) -> bool:
+    """Return False: of a heater with a loss curve they are not."""
+    return False
+
+
+def unchanged(plant: Any, flow: Flow) -> tuple[Any, Flow]:
+    """Return a linear heater as it is; `tangent` is bound in its place for one with a loss curve."""
+    return plant, flow
+
+
+def tangent(plant: LossPlant, flow: Flow) -> tuple[LossPlant, Flow]:
+    """Return the heater's tangent at its temperature, and where the power leads on that."""
+    here = _tangent_of(plant, flow.x if plant.sensor > 0.0 else flow.y, flow.now)
+    power = (flow.heat * flow.mains if flow.heat > 0.0 else flow.heat) + flow.load
+    return here, Flow(flow.now, flow.y, flow.x, here.ambient + here.gain * power, flow.heat, flow.load, flow.mains)
+
+
+def _tangent_of(plant: LossPlant, degC: float, now: float) -> LossPlant:
+    line = tangent_at(degC, plant.base_gain, plant.mass, plant.room, plant.loss)
+    first, second = (plant.sensor, line.lag) if plant.sensor > 0.0 else (line.lag, 0.0)
+    by_first, by_second = 1.0 / first, 1.0 / second if second > 0.0 else 0.0
+    apart = -abs(by_first - by_second) if second > 0.0 else 0.0
+    return LossPlant(line.gain, first, second, plant.dead, line.ambient, by_first, by_second, apart,
+                     1.0 / apart if apart != 0.0 else 0.0, now + plant.step, plant.base_gain, plant.mass, plant.sensor,
+                     plant.room, plant.loss, plant.step)
+
+
 def factors(t: float, plant: Plant) -> Factors:
     """Return what `t` seconds of constant power leave, not negative: `exact.factors` without its divisions."""
     left = decay(-t * plant.by_first)
     if plant.second == 0.0:
         return Factors(left, 0.0, 1.0)
     stretch = t if plant.apart == 0.0 else expm1_negative(plant.apart * t) * plant.by_apart
-    return Factors(left, left * stretch * plant.by_first, decay(-t * plant.by_second))
+    other = decay(-t * plant.by_second)
+    slow = left if plant.first >= plant.second else other  # of a loss curve, the first lag may be the smaller one
+    return Factors(left, slow * stretch * plant.by_first, other)
 
 
 def advance_heater(flow: Flow, now: float, f: Factors) -> Flow:

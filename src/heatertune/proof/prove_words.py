@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.cooler_mirror import cools
+from heatertune.model.loss_curve import for_setpoints
 from heatertune.model.values import FitOutcome, FittedModel, HeaterModel
 from heatertune.options import merge_options, with_options
 from heatertune.pid.sampled_loop import margins
@@ -23,6 +24,7 @@ from heatertune.proof.heaters import (
     MAINS_POWERS,
     RESERVE_PCT,
     Supply,
+    beyond_by_curve,
     beyond_log,
     cooler_findings,
     default_setpoint,
@@ -93,6 +95,7 @@ def prove(
     asked = merge_options(Conditions, conditions, changed, also=("conditions", "first_look", "only", "progress"))
     if asked.interlock is not None and cools(fitted):
         raise InputError("an interlock switches off a heater that gets too hot; for a cooler leave --interlock out")
+    fitted = for_setpoints(fitted, every_setpoint(fitted, asked))
     setpoint, farthest = setpoints_for(fitted, asked)
     models, setpoints = holding_heaters(fitted, farthest), every_setpoint(fitted, asked)
     heaters = [model for _, model in models]
@@ -104,8 +107,8 @@ def prove(
         findings=(*cooler_findings(fitted, actuator.cooling_gain), *unreachable_findings(fitted, len(models), farthest),
                   *beyond_log(fitted, setpoints)), accepted=asked.accept,
         assumed=fitted.assumed, not_tested=(*course.not_tested, *untested, NEIGHBOURS_AT_REST),
-        remarks=(*_remarks(words, fitted, asked, setpoints), *left_out(fitted, len(models), farthest), *course.notes,
-                 *told))
+        remarks=(*beyond_by_curve(fitted, setpoints), *_remarks(words, fitted, asked, setpoints),
+                 *left_out(fitted, len(models), farthest), *course.notes, *told))
     acceptance = Acceptance(
         limits=limits_of(specification, heaters), specification=specification, margins_of=margins,
         reading_step_degC=fitted.reading_step_degC, diagnostics=heard)

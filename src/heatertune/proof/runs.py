@@ -38,7 +38,7 @@ from heatertune.proof.loop import (
     check_words,
     in_loop,
     noise_of,
-    plant_row,
+    plant_rows,
     program_of,
     pulses_of,
     ring_size,
@@ -364,7 +364,7 @@ class Runs:
         drawn = seeds or [self.scenario.seed] * len(runs)
         keys = [(self.cases[run][0], self._shown(run), seed) for run, seed in zip(runs, drawn, strict=True)]
         once = dict(zip(reversed(keys), reversed(runs), strict=True))  # the first of those alike
-        rows = np.array([plant_row(self.cases[run][1], self.scenario) for run in once.values()])
+        rows = plant_rows([self.cases[run][1] for run in once.values()], self.scenario)
         noise = np.array([noise_of(replace(self.scenario, seed=seed), self.scans)
                           for *_, seed in (once if seeds else keys[:1])])
 

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from heatertune.arrays import Array
 from heatertune.codec import LEFT_OUT
 from heatertune.errors import InputError, OutOfRange
+from heatertune.model.loss_curve import top_degC
 from heatertune.model.values import HeaterModel
 from heatertune.proof.kernel import JUMP, LOAD, MAINS, PHASE
 from heatertune.units import check
@@ -375,13 +376,16 @@ def conditions(scenario: Scenario, model: HeaterModel) -> tuple[float, float]:
         OutOfRange: the setpoint lies outside what the heater can hold, between ambient and full power.
     """
     ambient = _ambient(scenario, model)
-    top = ambient + 100.0 * model.gain_degC_per_pct
+    top = top_degC(model, ambient)
     above, below, called = (">", "<", "heater") if model.gain_degC_per_pct > 0.0 else ("<", ">", "cooler")
     for setpoint in scenario.held_setpoints_degC:
         if not can_hold(model, setpoint, ambient):
             rule = (
                 f"{above} {ambient:g} (ambient) and {below} {top:g} (ambient + 100 % · {model.gain_degC_per_pct:g} "
                 f"°C/%), or this {called} cannot hold it"
+            ) if model.loss is None else (
+                f"{above} {ambient:g} (ambient) and {below} {top:.4g} (100 % on its loss curve), or this {called} "
+                "cannot hold it"
             )
             raise OutOfRange("setpoint_degC", setpoint, rule)
     return temperatures(scenario, model)

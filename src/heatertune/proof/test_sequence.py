@@ -16,6 +16,7 @@ import numpy as np
 
 from heatertune.errors import InputError
 from heatertune.heater.exact import time_to
+from heatertune.model.loss_curve import slower_cooling
 from heatertune.model.values import HeaterModel
 from heatertune.proof.criteria import LoopLimits
 from heatertune.proof.heaters import MAINS_POWERS, RESERVE_PCT
@@ -525,9 +526,9 @@ class _SequenceBuilder:
 
     def _cooling_s(self, low_degC: float) -> float:
         most = 100.0 * self.loop.cooling_gain
-        return self._longest_s(
-            (self.setpoint_degC - low_degC) / (self.setpoint_degC - ambient + most * model.gain_degC_per_pct)
-            for model, ambient in zip(self.models, self.ambients_degC, strict=True))
+        shares = ((self.setpoint_degC - low_degC) / (self.setpoint_degC - ambient + most * model.gain_degC_per_pct)
+                  for model, ambient in zip(self.models, self.ambients_degC, strict=True))
+        return self._longest_s(shares) * max(slower_cooling(model, low_degC) for model in self.models)
 
     @cached_property
     def _ramp_s(self) -> float:

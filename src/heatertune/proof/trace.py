@@ -12,12 +12,14 @@ import numpy.typing as npt
 
 from heatertune.arrays import Array
 from heatertune.heater.exact import advance, area, turning_times
+from heatertune.heater.heat_loss import Loss, loss_at
+from heatertune.model.loss_curve import loss_above
 from heatertune.model.values import HeaterModel
 from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words
 from heatertune.proof.acceptance import Interlock
 from heatertune.proof.criteria import Criterion
-from heatertune.proof.scenario import Scenario, phases_of
+from heatertune.proof.scenario import Scenario, phases_of, temperatures
 from heatertune.show import NotebookDisplay
 
 __all__ = ["Trace"]
@@ -36,7 +38,8 @@ class Trace(NotebookDisplay):
         edge_time_s: instants at which the heater was switched, shape (e,).
         edge_pct: 100 where it was switched on, -100 where its cooler was, else 0 [%], shape (e,).
         stretches: one row per stretch of constant power at the plant: instant from which it acts [s], temperature,
-            state of the smaller lag and ambient + gain·power there [°C], shape (m, 4).
+            state of the smaller lag and ambient + gain·power there [°C], shape (m, 4). Of a heater with a loss curve
+            each of its tangents begins one, and the third column is the mass in front of the sensor.
         model, scenario, actuator: what was simulated; the actuator is the PLC's own where it makes the PWM.
         resolution_degC: of the reading [°C]; 0 for an ideal controller.
         words, switches: what the PLC ran; None and empty for an ideal controller.
@@ -93,7 +96,7 @@ class Trace(NotebookDisplay):
         """
         times = np.asarray(time_s, dtype=np.float64)
         since, y, x, target = self._stretch_at(times, before=before)
-        return advance(y, x, target, times - since, *self._lags())
+        return advance(y, x, target, times - since, *self._lags(y, x))
 
     def areas(self, instants_s: Array) -> Array:
         """Return ∫temperature dt from each of some ascending instants to the next, shape (n − 1,) [°C·s].
@@ -103,7 +106,7 @@ class Trace(NotebookDisplay):
         since, y, x, target = self._stretch_at(instants_s[:-1])
 
         def up_to(times: Array) -> Array:
-            return area(y, x, target, times - since, *self._lags())
+            return area(y, x, target, times - since, *self._lags(y, x))
 
         return up_to(instants_s[1:]) - up_to(instants_s[:-1])
 
@@ -133,9 +136,23 @@ class Trace(NotebookDisplay):
         rows = np.searchsorted(self.stretches[:, 0], times, side="left" if before else "right") - 1
         return tuple(np.moveaxis(self.stretches[np.maximum(rows, 0)], -1, 0))
 
-    def _lags(self) -> tuple[float, float]:
+    def _lags(self, y: Array, x: Array) -> tuple[float | Array, float | Array]:
+        """Return the lags: of the temperature, and before it; of a loss curve, those of stretches that begin there."""
         first, *rest = self.model.lags_s
-        return first, rest[0] if rest else 0.0
+        if self._loss is None:
+            return first, rest[0] if rest else 0.0
+        room, loss = self._loss
+        slopes = np.vectorize(lambda degC: loss_at(degC, room, loss)[1], otypes=[float])(x if rest else y)
+        mass = first / slopes
+        return (rest[0], mass) if rest else (mass, 0.0)
+
+    @cached_property
+    def _loss(self) -> tuple[float, Loss] | None:
+        """The room [°C] and the loss curve above it, if the heater has one."""
+        if self.model.loss is None:
+            return None
+        room, _ = temperatures(self.scenario, self.model)
+        return room, loss_above(self.model, room)
 
     @cached_property
     def _instants(self) -> Array:
@@ -143,9 +160,9 @@ class Trace(NotebookDisplay):
         return np.unique(np.concatenate([self.time_s, self.stretches[:, 0], self._turns()]))
 
     def _turns(self) -> Array:
-        first, second = self._lags()
-        if second == 0.0:
-            return np.empty(0)
         since, y, x, target = self.stretches.T
+        first, second = self._lags(y, x)
+        if not np.any(second):
+            return np.empty(0)
         turns = since + turning_times(y, x, target, first, second)
         return np.asarray(turns[turns < np.append(since[1:], self.time_s[-1])])

@@ -16,6 +16,7 @@ from heatertune.model.findings import KINDS, remedy_of
 from heatertune.plc.keyed_entry import KeyedEntry
 from heatertune.plc.targets import REPAIRED
 from heatertune.proof.criteria import CRITERION
+from heatertune.proof.heaters import BY_CURVE
 from heatertune.proof.long_outage import JUDGED
 from heatertune.proof.ripple_and_wear import life
 from heatertune.proof.verdict import (
@@ -203,7 +204,8 @@ def _verdict(proof: Document, nearest: Sequence[str] = ()) -> list[str]:
 
 def _finding(proof: Document) -> str:
     """Return where and on what a proof was made, and what breaks a limit there."""
-    where = f"{proof['target']} at {proof['scenario']['setpoint_degC']:g} °C"
+    beyond = [remark.partition(":")[0] for remark in proof["remarks"] if BY_CURVE in remark]
+    where = f"{proof['target']} at {beyond[0] if beyond else format(proof['scenario']['setpoint_degC'], 'g') + ' °C'}"
     heaters = len({run["model"] for run in proof["runs"]})
     on = f"{count(len(proof['runs']), 'run')} on {count(heaters, 'plausible heater')}"
     broken = [name for name, criterion in proof["criteria"].items() if not criterion["ok"]]

@@ -26,6 +26,7 @@ from heatertune.model.outliers import replace_outliers, without_outliers
 from heatertune.model.power.changed_heater import refuse_changed
 from heatertune.model.power.feedback import WRONG_SIGN, demand_cause, explains, follows_temperature, is_feedback
 from heatertune.model.power.load_steps import bic_of, refit_all, with_events, without_events
+from heatertune.model.power.loss_fit import LossFit
 from heatertune.model.power.nonlinear import Bend, judged_linear
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
 from heatertune.model.power.regressors import Readings
@@ -437,6 +438,7 @@ class Explanation:
         alias: about power that switches faster than it was logged, or empty.
         bend: nonlinear heater that explains the log better than a linear one, or None.
         doubt: about the power as the cause of the temperature, or empty.
+        losses: heaters with a loss curve that explain the log, the best first.
     """
 
     log: Log
@@ -449,6 +451,7 @@ class Explanation:
     alias: str
     bend: Bend | None = None
     doubt: str = ""
+    losses: tuple[LossFit, ...] = ()
 
     @property
     def model(self) -> Fopdt:
@@ -509,7 +512,7 @@ def _search(log: Log, problem: PowerProblem, *, believed: bool) -> Explanation:
         doubt = ""
     if doubt:
         refuse_changed(log, thin)
-    (problems, fits), bend, untold = judged_linear(without_events(way), way)
+    (problems, fits), bend, untold, losses = judged_linear(without_events(way), way)
     if any(fit.model is None for fit in fits):
         refuse_opened(log, thin)
         refuse_changed(log, thin)
@@ -518,6 +521,7 @@ def _search(log: Log, problem: PowerProblem, *, believed: bool) -> Explanation:
     return Explanation(
         log=log, readings=clean.whole.readings, problems=problems, fits=fits, clean_temperature=clean.readings_degC,
         outliers=clean.outliers, notes=(*notes, *untold), alias=alias, bend=bend, doubt=doubt,
+        losses=losses if not (alias or doubt) else (),
     )
 
 

@@ -30,6 +30,7 @@ from heatertune.log.values import ABSOLUTE_ZERO_DEGC
 from heatertune.model.diagnostics import Remark
 from heatertune.model.least_squares import minimise
 from heatertune.model.power.load_steps import Way, bic_of, coincides, left_over, refit_all, with_loads
+from heatertune.model.power.loss_fit import LossFit, fit_loss_curves
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
 from heatertune.model.power.regressors import AMBIENT, DRIFT, FIRST_STATE, GAIN, SECOND_STATE
 from heatertune.model.statistics import ar1_bic
@@ -330,11 +331,12 @@ class Bend(NamedTuple):
 
 
 class LinearityResult(NamedTuple):
-    """The linear explanation, the nonlinear one that explains the log better, if any, and the remaining doubts."""
+    """The linear explanation, the nonlinear one that explains the log better, if any, doubts, and loss curves."""
 
     way: Way
     bend: Bend | None = None
     notes: tuple[str, ...] = ()
+    losses: tuple[LossFit, ...] = ()
 
 
 def bend_remarks(bend: Bend | None) -> tuple[Remark, ...]:
@@ -353,9 +355,11 @@ def judged_linear(plain: Way, eventful: Way) -> LinearityResult:
         return LinearityResult(eventful)
     tried = [(bend, way) for way in _without_loads(plain, eventful) for bend in _bends(way)]
     bend, way = min(tried, key=lambda pair: pair[0].bic, default=(None, eventful))
+    others = [eventful.bic, *(each.bic for each, _ in tried)]
+    losses = tuple(fit_loss_curves(plain.problems, plain.fits, min(others)))
     if bend is None or not _is_better(bend, eventful):
-        return LinearityResult(eventful, None, _untold(eventful))
-    return LinearityResult(way, bend)
+        return LinearityResult(eventful, None, _untold(eventful), losses)
+    return LinearityResult(way, bend, (), losses)
 
 
 def _is_better(bend: Bend, eventful: Way) -> bool:

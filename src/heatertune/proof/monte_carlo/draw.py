@@ -30,7 +30,7 @@ from heatertune.proof.criteria import LoopLimits
 from heatertune.proof.kernel import AS_TOLD
 from heatertune.proof.lanes.choice import fits, order_by_edges, pays
 from heatertune.proof.lanes.rows import LANES, STEP
-from heatertune.proof.loop import LoopController, actuator_of, in_loop, plant_row, scans_of, trace_run
+from heatertune.proof.loop import LoopController, actuator_of, have_loss, in_loop, plant_rows, scans_of, trace_run
 from heatertune.proof.meter import Places
 from heatertune.proof.phase_statistics import CriterionTable, join_tables, reorder
 from heatertune.proof.runs import measure_runs
@@ -168,6 +168,7 @@ def _pair(size: int, turn: int) -> tuple[float, float]:
 
 
 _LATE: Final = 2  # stream of the delays, beside that of the heaters, 0, and that of the noise
+_ORIGIN: Final = 3  # place among the numbers of a loss curve
 _NORMAL: Final = 4  # uniform numbers of which those of the heater are made
 _CALLS: Final = 8  # at least, where samples are so many that more of them go into one call
 _GROUPS: Final = 4  # of samples side by side in one call at most: some megabytes of noise
@@ -246,7 +247,7 @@ class SampleRequest:
     def __post_init__(self) -> None:
         if not self.heaters or not self.controllers:
             raise InputError("a proof needs at least one model and one controller")
-        rows = tuple(tuple(plant_row(heater, self.scenario)) for heater in self.heaters)
+        rows = tuple(map(tuple, plant_rows(self.heaters, self.scenario).tolist()))
         object.__setattr__(self, "rows", rows)
         low = min(abs(setpoint - row[4]) for row in rows for setpoint in self.scenario.held_setpoints_degC)
         if not self.spread.ambient_degC < low:
@@ -289,14 +290,14 @@ class SampleRequest:
         even = uniform(seeds, _NORMAL + 2 + len(self.scenario.disturbances))
         drawn, even = normal(even[:, :_NORMAL])[:, :3] * self.spread.heater, 2.0 * even[:, _NORMAL:] - 1.0
         turns = [seed % len(self.rows) for seed in seeds]
-        gain, first, second, dead, ambient, start = np.array(self.rows)[turns].T
+        (gain, first, second, dead, ambient, start), curve = np.split(np.array(self.rows)[turns].T, [6])
         power = self._power_of(even[:, 0])
         shift = self.spread.ambient_degC * even[:, 1]
         lags = np.exp(drawn[:, 1])
         rows = np.column_stack([
             gain * np.exp(drawn[:, 0]) * power, first * lags, second * lags,
             np.maximum(dead + drawn[:, 2], self.spread.least_dead_time_s) + self.delay_s, ambient + shift,
-            start + shift if self.scenario.start_degC is None else start])
+            start + shift if self.scenario.start_degC is None else start, *self._curves(curve, shift, turns)])
         sizes = 1.0 + self.spread.disturbance_pct / 100.0 * even[:, 2:]
         for number, (event, share) in enumerate(zip(self.scenario.disturbances, self.scenario.mains[1:], strict=True)):
             if isinstance(event, Load):  # a share of the rated power, and the gain is that of the drawn mains
@@ -304,6 +305,14 @@ class SampleRequest:
             elif not isinstance(event, TemperatureStep):
                 sizes[:, number] = 1.0 if share in (0.0, 1.0) else 1.0 / power  # likewise
         return rows, sizes
+
+    def _curves(self, curve: Array, shift: Array, turns: Sequence[int]) -> Array:
+        """Return the loss curves of samples, whose origin moves with the ambient where they count from there."""
+        if not len(curve):
+            return curve
+        moves = [model.loss is not None and model.loss.origin_degC is None for model in self.heaters]
+        curve[_ORIGIN] += np.where(np.array(moves)[turns], shift, 0.0)
+        return curve
 
     def cooling_of(self, seeds: Sequence[int]) -> Array:
         """Return `Batch.cooling` of samples, shape (n,) or (1,): a cooler beside a heater knows nothing of the mains.
@@ -322,7 +331,8 @@ class SampleRequest:
     def heater(self, seed: int) -> HeaterModel:
         """Return the heater of a sample, its mains in the gain, without the controller's delay; `replay` adds more."""
         (row,), _ = self.heaters_of([seed])
-        return _heater(row - [0.0, 0.0, 0.0, self.delay_s, 0.0, 0.0])
+        row[3] -= self.delay_s
+        return _heater(row, self.heaters[seed % len(self.heaters)])
 
     def scans_of(self, seeds: Sequence[int], scans: int) -> tuple[Array, Array]:
         """Return noise [°C] and delay [s] of the scans of samples, shape (n, scans), or (1, 1) where none is.
@@ -388,7 +398,8 @@ def _parts(drawing: SampleRequest, rows: Array, scans: int) -> list[_SampleChunk
     `scans` tells how much work they are to one processor.
     """
     lags, parts, shaken = (rows[:, 2] > 0.0).astype(int), list[_SampleChunk](), np.full((1, 1), drawing.spread.jitter_s)
-    fit = all(fits(controller, drawing.scenario, drawing.actuator, shaken) for controller in drawing.controllers)
+    fit = not have_loss(rows) and all(
+        fits(controller, drawing.scenario, drawing.actuator, shaken) for controller in drawing.controllers)
     for more in np.unique(lags).tolist():
         own = np.flatnonzero(lags == more)
         own = own[order_by_edges(rows[own], drawing.scenario.setpoint_degC, drawing.actuator.pwm_period_s)]
@@ -423,18 +434,21 @@ def replay(drawing: SampleRequest, seed: int, setting: int = 0, limits: LoopLimi
     controller = drawing.controllers[setting]
     (row,), (factors,) = drawing.heaters_of([seed])
     (noise,), (late,) = drawing.scans_of([seed], scans_of(controller, drawing.scenario))
-    model, start, actuator = _heater(row), float(row[5]), drawing.actuator
+    model, start, actuator = _heater(row, drawing.heaters[seed % len(drawing.heaters)]), float(row[5]), drawing.actuator
     if actuator.cooling_gain is not None:
         actuator = replace(actuator, cooling_gain=actuator.cooling_gain * float(drawing.cooling_of([seed])[0]))
     disturbances = tuple(map(_sized, drawing.scenario.disturbances, factors.tolist()))
-    scenario = replace(drawing.scenario, ambient_degC=model.ambient_degC, start_degC=start, disturbances=disturbances,
+    scenario = replace(drawing.scenario, ambient_degC=float(row[4]), start_degC=start, disturbances=disturbances,
                        seed=seed)
     return trace_run(controller, model, scenario, actuator, noise, late, limits)
 
 
-def _heater(row: Array) -> HeaterModel:
-    """Return the heater of a row of `SampleRequest.heaters_of`, shape (6,)."""
-    gain, first, second, dead, ambient, _ = row.tolist()
+def _heater(row: Array, centre: HeaterModel) -> HeaterModel:
+    """Return the heater of a row of `SampleRequest.heaters_of`, shape (6,) or more, drawn around another one."""
+    gain, first, second, dead, ambient = row[:5].tolist()
+    if centre.loss is not None:  # its curve keeps its own ambient; the scenario states the drawn one
+        lags = {"second_time_constant_s": second} if second else {}
+        return replace(centre, gain_degC_per_pct=gain, time_constant_s=first, dead_time_s=dead, **lags)
     known = {"gain_degC_per_pct": gain, "time_constant_s": first, "dead_time_s": dead, "ambient_degC": ambient}
     return TwoLag(**known, second_time_constant_s=second) if second else Fopdt(**known)
 

@@ -7,12 +7,13 @@ from dataclasses import replace
 from typing import Final
 
 from heatertune.errors import HeatertuneError, InputError
+from heatertune.model.loss_curve import for_setpoints
 from heatertune.model.values import Candidate, FittedModel, HeaterModel
 from heatertune.processors import ProgressCallback
 from heatertune.proof.design_request import DesignRequest, DesignResult
 from heatertune.proof.monte_carlo.quantiles import SampleProof
 from heatertune.proof.monte_carlo.run import drawing_for, with_samples
-from heatertune.proof.prove_words import prove
+from heatertune.proof.prove_words import every_setpoint, prove
 from heatertune.proof.redesign.design_changes import costs, gains_told
 from heatertune.proof.redesign.redesign_search import closed_on_runs
 from heatertune.proof.redesign.suggestion import known_as, passes_told
@@ -46,7 +47,7 @@ def closed_on_samples(
     Raises:
         HeatertuneError: as `closed_on_runs`; as `heatertune.proof.monte_carlo.run.run_samples`.
     """
-    drawn = request.sample_settings
+    drawn, fitted = request.sample_settings, for_setpoints(fitted, every_setpoint(fitted, request.conditions))
     found = closed_on_runs(fitted, request, ways_on=ways_on, progress=progress, stage=stage)
     if drawn.samples is None:
         return found

@@ -15,6 +15,7 @@ from typing import Final
 
 from heatertune.errors import HeatertuneError, InputError
 from heatertune.model.cooler_mirror import cools, mirror_heater
+from heatertune.model.loss_curve import for_setpoints
 from heatertune.model.values import FittedModel
 from heatertune.pid.search.feasible import Problem, keeps, largest_gain, search
 from heatertune.pid.tune import assessed_sampled
@@ -29,7 +30,7 @@ from heatertune.proof import Proof
 from heatertune.proof.design_request import Candidate, DesignRequest, DesignResult, plainly
 from heatertune.proof.long_outage import briefly, sums_up, winds_up
 from heatertune.proof.nearest_specification import settings_told
-from heatertune.proof.prove_words import tune_settings_for
+from heatertune.proof.prove_words import every_setpoint, tune_settings_for
 from heatertune.proof.redesign.design_changes import (
     OF_WINDUP,
     DesignChange,
@@ -258,6 +259,7 @@ def closed_on_runs(
         progress: likewise.
         stage: likewise.
     """
+    fitted = for_setpoints(fitted, every_setpoint(fitted, request.conditions))
     still = request if request.as_is else replace(request, setpoint_ramp=request.setpoint_ramp or "none")
     with SearchBudget(scans=math.inf) as plain:
         first = plainly(fitted, still, text=False, progress=progress, stage=stage)
