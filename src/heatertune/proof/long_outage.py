@@ -4,8 +4,8 @@ How a controller integrates decides which length of an open circuit, or which se
 methods of `OutageTiming` explain which lengths are tried. An independent search on sampled designs
 (tests/bench/outages.py) confirmed them.
 
-If the user stated a range of setpoints, open circuits and heat-ups from cold are also run at lower setpoints: they need
-less power, so full power overshoots them more.
+Open circuits and heat-ups from cold are also run at lower setpoints: they need less power, so full power overshoots
+them more. These are several ones of a stated range; without a range, the lower one of the test sequence.
 """
 
 from __future__ import annotations
@@ -96,16 +96,21 @@ class OutageTiming(NamedTuple):
         return self._with_more([share * middle for share in shares])
 
     def lower_openings_s(self) -> dict[float, list[float]]:
-        """Compute the outage lengths at the lower setpoints of a stated range [s], by setpoint [°C].
+        """Compute the outage lengths at the lower setpoints in use [s], by setpoint [°C].
 
         The peak is elsewhere there: without integration outside the proportional band, the reading leaves the band
         later the less it can fall. The lowest setpoint is not the worst: so close to the ambient the reading falls too
         little to integrate much. Intermediate setpoints are therefore included, the same ones for every lowest
         setpoint: a wider range then contains all setpoints of a smaller one except its lowest.
+
+        Where no range is stated, it is the lower setpoint of the test sequence's own: the verdict speaks of both.
         """
         low_degC, setpoint_degC = self.scenario.lower_setpoint_degC, self.scenario.setpoint_degC
-        if low_degC is None or self.scenario.setpoint_low_degC is None:
+        if low_degC is None:
             return {}
+        if self.scenario.setpoint_low_degC is None:
+            own = self._replace(closely=False, scenario=replace(self.scenario, setpoint_degC=low_degC))
+            return {low_degC: own.openings_s()}
         step = min((step for _, step in self._steps), key=abs)
         lowest_share = 1.0 - (setpoint_degC - low_degC) / step
         ratio = _DOWN**2 if self._many or not self.closely else _DOWN
@@ -340,8 +345,7 @@ def nights_of(
         brief_s: lengths of the shorter ones [s].
         warm_s: times without supply of the PLC [s].
         lows_degC: setpoints to which it falls, and from which it rises again [°C].
-        lower_s: lower setpoint of a stated range [°C] → lengths of the shorter open circuits there [s]; None:
-            no range was stated.
+        lower_s: lower setpoint in use [°C] → lengths of the shorter open circuits there [s]; None: there is none.
     """
     lower_s = lower_s or {}
     opened = {number: closed.time_s - event.time_s
