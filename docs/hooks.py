@@ -21,6 +21,7 @@ from heatertune.cli import parser
 from heatertune.plc import GROUPS, TARGETS, controller_for
 from heatertune.plc.targets import commissioning
 from heatertune.proof.criteria import CRITERIA, LIMITS
+from heatertune.proof.event_table import CONDITIONS, EVENTS, EXCLUDED, NOT_RUN
 from heatertune.terms import TERMS, GlossaryTerm
 
 SOURCE = Path(__file__).parents[1] / "src" / "heatertune"
@@ -87,6 +88,26 @@ def criteria() -> str:
         meaning = kind.description.format(band="tolerance", interlock="NAME", limit_degC="LIMIT")
         rows.append((kind.name.replace("_", " "), kind.unit, bound, meaning))
     return _table(("criterion", "unit", "limit", "meaning"), rows)
+
+
+def conditions() -> str:
+    """Return the table of what holds through a run of a proof."""
+    return _table(("condition", "values"), [(each.name, each.values) for each in CONDITIONS])
+
+
+def events() -> str:
+    """Return the table of the events of a proof."""
+    mains = {"every": "−10 %, nominal, +10 %", "nominal": "nominal"}
+    return _table(("event", "state", "sizes", "mains", "runs", "finding"), [
+        (each.name, each.state, each.sizes, mains[each.mains], each.runs,
+         f"[`{each.finding}`](verdict.md)" if each.finding else "") for each in EVENTS])
+
+
+def excluded() -> str:
+    """Return what of conditions and events a proof does not combine, and what it does not run at all."""
+    combined = _table(("event", "under", "not run because"), [
+        (each.event, each.condition, each.reason) for each in EXCLUDED])
+    return "\n".join([combined, "Not run:\n", *(f"- {each};" for each in NOT_RUN[:-1]), f"- {NOT_RUN[-1]}.\n"])
 
 
 def _anchored(term: GlossaryTerm) -> str:

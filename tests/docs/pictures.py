@@ -1,6 +1,8 @@
 """The pictures of the tutorial and the README, drawn from the folder that the tutorial's design writes.
 
-    python -m tests.docs.pictures FOLDER     draw them anew from the folder of `heatertune design table4 --target s5-ob251`
+    python -m tests.docs.pictures FOLDER     draw them again from the folder of `heatertune design table4 --target s5-ob251`
+
+That of conditions and events is drawn from the tables of the proof, whatever the folder.
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ from typing import Any, Final
 
 import matplotlib as mpl
 
+from heatertune.proof.event_table import EVENTS, MAINS_LABELS, EventKind
 from heatertune.report import plots
 from heatertune.report.plots import to_svg
 
@@ -42,6 +45,31 @@ def said(proof: Any) -> str:
     return f"{proof['verdict']} for {proof['target']} in {len(proof['runs'])} runs{worst}"
 
 
+_ROW, _LEFT, _COLUMN, _TOP = 22, 310, 130, 40
+#: how a field is filled, of runs that are made; colours that are told apart without colour too
+_FILLS: Final = {"all": "#0072b2", "nearest": "#a6cee3", "": "none"}
+_NOMINAL: Final = MAINS_LABELS[1]
+
+
+def runs_at(event: EventKind, mains: str) -> str:
+    """Return which runs an event is part of at a mains voltage; empty: of none."""
+    return event.runs if event.mains == "every" or mains == _NOMINAL else ""
+
+
+def events() -> str:
+    """Return the picture of conditions and events: a field for each event and mains voltage."""
+    width, height = _LEFT + _COLUMN * len(MAINS_LABELS) + 10, _TOP + _ROW * len(EVENTS) + 10
+    fields = [f'<text x="{_LEFT + _COLUMN * (place + 0.5)}" y="{_TOP - 14}" text-anchor="middle">{mains}</text>'
+              for place, mains in enumerate(MAINS_LABELS)]
+    for row, event in enumerate(EVENTS):
+        top = _TOP + _ROW * row
+        fields.append(f'<text x="{_LEFT - 12}" y="{top + 15}" text-anchor="end">{event.name}</text>')
+        fields += [f'<rect x="{_LEFT + _COLUMN * place + 2}" y="{top + 2}" width="{_COLUMN - 4}" height="{_ROW - 4}" '
+                   f'fill="{_FILLS[runs_at(event, mains)]}" stroke="#777"/>' for place, mains in enumerate(MAINS_LABELS)]
+    return (f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" font-family="sans-serif" font-size="13">'
+            f"<desc>{len(EVENTS)} events at {len(MAINS_LABELS)} mains voltages</desc>\n" + "\n".join(fields) + "\n</svg>\n")
+
+
 def _svg(figure: Any, description: str) -> str:
     figure.set_size_inches(_WIDE_IN, figure.get_size_inches()[1])
     low = figure.axes[-1]
@@ -65,6 +93,6 @@ def _document(folder: Path, name: str) -> Any:
 
 if __name__ == "__main__":
     PICTURES.mkdir(exist_ok=True)
-    for name, svg in drawn(Path(sys.argv[1])).items():
+    for name, svg in ({} if len(sys.argv) < 2 else drawn(Path(sys.argv[1]))).items() | {"events": events()}.items():
         (PICTURES / f"{name}.svg").write_text(svg, encoding="utf-8")
         print(f"{name}.svg: {len(svg) / 1000:.0f} kB")

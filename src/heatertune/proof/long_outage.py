@@ -4,8 +4,8 @@ How a controller integrates decides which length of an open circuit, or which se
 methods of `OutageTiming` explain which lengths are tried. An independent search on sampled designs
 (tests/bench/outages.py) confirmed them.
 
-If the user stated a range of setpoints, open circuits and heat-ups from cold are also run at lower setpoints: they need
-less power, so full power overshoots them more.
+Open circuits and heat-ups from cold are also run at lower setpoints: they need less power, so full power overshoots
+them more. These are several ones of a stated range; without a range, the lower one of the test sequence.
 """
 
 from __future__ import annotations
@@ -29,8 +29,9 @@ from heatertune.proof.verdict import FitDiagnostics
 from heatertune.units import written
 
 __all__ = [
-    "BRIEF", "JUDGED", "OF_RANGE", "OVERSHOOTS", "LongOutage", "OutageTiming", "briefly", "heat_up", "lengthen",
-    "nights_of", "sums_up", "unmended", "winds_up", "wound",
+    "BRIEF", "HEAT_UP", "JUDGED", "LONGER", "LOW", "OF_RANGE", "OVERSHOOTS", "PART", "RISING", "WARM",
+    "LongOutage", "OutageTiming", "briefly", "heat_up", "lengthen", "nights_of", "sums_up", "unmended", "winds_up",
+    "wound",
 ]
 
 
@@ -96,16 +97,21 @@ class OutageTiming(NamedTuple):
         return self._with_more([share * middle for share in shares])
 
     def lower_openings_s(self) -> dict[float, list[float]]:
-        """Compute the outage lengths at the lower setpoints of a stated range [s], by setpoint [°C].
+        """Compute the outage lengths at the lower setpoints in use [s], by setpoint [°C].
 
         The peak is elsewhere there: without integration outside the proportional band, the reading leaves the band
         later the less it can fall. The lowest setpoint is not the worst: so close to the ambient the reading falls too
         little to integrate much. Intermediate setpoints are therefore included, the same ones for every lowest
         setpoint: a wider range then contains all setpoints of a smaller one except its lowest.
+
+        Where no range is stated, it is the lower setpoint of the test sequence's own: the verdict speaks of both.
         """
         low_degC, setpoint_degC = self.scenario.lower_setpoint_degC, self.scenario.setpoint_degC
-        if low_degC is None or self.scenario.setpoint_low_degC is None:
+        if low_degC is None:
             return {}
+        if self.scenario.setpoint_low_degC is None:
+            own = self._replace(closely=False, scenario=replace(self.scenario, setpoint_degC=low_degC))
+            return {low_degC: own.openings_s()}
         step = min((step for _, step in self._steps), key=abs)
         lowest_share = 1.0 - (setpoint_degC - low_degC) / step
         ratio = _DOWN**2 if self._many or not self.closely else _DOWN
@@ -243,21 +249,21 @@ _RESTARTED: Final = names_of(beyond_degC, phases=("restart",))
 _HEATED: Final = names_of(beyond_degC, phases=("heat-up", "restart"))
 _CHANGED: Final = names_of(beyond_degC, phases=("change",))
 _RETURN, _GROWTH = "reheat_time", "return_growth"
-_LONGER, _RISING, _WARM, _PART = "winds-up", "stays-at-limit", "warm-restart", "part-change"
+LONGER, RISING, WARM, PART = "winds-up", "stays-at-limit", "warm-restart", "part-change"
 #: a shorter open circuit than that of the test sequence
 BRIEF: Final = "briefly-open"
-_LOW: Final = "low-outage"
-_HEAT_UP: Final = "low-heat-up"
+LOW: Final = "low-outage"
+HEAT_UP: Final = "low-heat-up"
 #: limits broken there are of the test sequence's kind, and other gains may help
-_MENDED: Final = frozenset({_LOW, _HEAT_UP, BRIEF, _WARM, _PART})
+_MENDED: Final = frozenset({LOW, HEAT_UP, BRIEF, WARM, PART})
 #: findings that concern the lower end of the range of setpoints
-OF_RANGE: Final = frozenset({_LOW, _HEAT_UP, _PART})
+OF_RANGE: Final = frozenset({LOW, HEAT_UP, PART})
 #: name of the finding → criteria that select the hardest run
 OVERSHOOTS: Final = {
-    _LONGER: _REHEATED, _RISING: _REHEATED, _LOW: _REHEATED, _HEAT_UP: _HEATED, BRIEF: _REHEATED, _WARM: _RESTARTED,
-    _PART: _CHANGED}
+    LONGER: _REHEATED, RISING: _REHEATED, LOW: _REHEATED, HEAT_UP: _HEATED, BRIEF: _REHEATED, WARM: _RESTARTED,
+    PART: _CHANGED}
 #: name of the finding → criteria that count
-JUDGED: Final = {**OVERSHOOTS, _LONGER: (*_REHEATED, _RETURN, _GROWTH), _RISING: (*_REHEATED, _RETURN)}
+JUDGED: Final = {**OVERSHOOTS, LONGER: (*_REHEATED, _RETURN, _GROWTH), RISING: (*_REHEATED, _RETURN)}
 _KEPT_AT_HIGHEST: Final = "the limit is kept at the highest setpoint"
 _TIMES: Final = 4.0  # as long as in the test sequence
 #: of the time to return after the test sequence's open circuit: tolerance for a heater that was not quite cold then
@@ -288,7 +294,7 @@ class LongOutage(NamedTuple):
     @property
     def compares(self) -> bool:
         """Whether the time to return is compared with that after the open circuits of the test sequence."""
-        return self.name == _LONGER
+        return self.name == LONGER
 
     def compare(self, criteria: Sequence[Criterion], before: Iterable[Criterion]) -> tuple[Criterion, ...]:
         """Return the criteria of a run, with the increase of the time to return over that in the test sequence.
@@ -340,8 +346,7 @@ def nights_of(
         brief_s: lengths of the shorter ones [s].
         warm_s: times without supply of the PLC [s].
         lows_degC: setpoints to which it falls, and from which it rises again [°C].
-        lower_s: lower setpoint of a stated range [°C] → lengths of the shorter open circuits there [s]; None:
-            no range was stated.
+        lower_s: lower setpoint in use [°C] → lengths of the shorter open circuits there [s]; None: there is none.
     """
     lower_s = lower_s or {}
     opened = {number: closed.time_s - event.time_s
@@ -364,7 +369,7 @@ def _restarted(scenario: Scenario, warm_s: Sequence[float]) -> Iterator[LongOuta
                  if isinstance(lost, PlcPower) and isinstance(event, PlcPower) and event.on), None)
     if back is not None:
         told = f"Where the PLC is restarted after {_minutes(warm_s)} without supply"
-        yield LongOutage(_WARM, _each(scenario, back, warm_s), told,
+        yield LongOutage(WARM, _each(scenario, back, warm_s), told,
                          "; the limit is kept where the heater is hot, or cold")
 
 
@@ -376,7 +381,7 @@ def _changed_in_part(scenario: Scenario, lows_degC: Sequence[float]) -> Iterator
         befores = [NewSetpoint(time_s=falls.time_s, setpoint_degC=low) for low in lows_degC]
         down_s = rises.time_s - falls.time_s - scenario.rests_s[fall + 1] + scenario.rests_s[fall + 2]
         told = f"Where the setpoint changes between its highest and {min(lows_degC):.4g} to {max(lows_degC):.4g} °C"
-        yield LongOutage(_PART, _each(scenario, fall, [down_s] * len(befores), befores), told,
+        yield LongOutage(PART, _each(scenario, fall, [down_s] * len(befores), befores), told,
                          "; the limit is kept where it falls to its lowest, and rises from there")
 
 
@@ -429,7 +434,7 @@ def _longer(scenario: Scenario, number: int, proven_s: float) -> LongOutage:
     rests = scenario.rests_s
     longer = replace(scenario, disturbances=tuple(events), rests_s=(*rests[:1], *rests[number + 1:number + 3]),
                      duration_s=off_s + open_s + ends[number + 2] - ends[number + 1])
-    return LongOutage(_LONGER, longer, f"After {open_s / 3600.0:.2g} h with an open circuit",
+    return LongOutage(LONGER, longer, f"After {open_s / 3600.0:.2g} h with an open circuit",
                  f"; the limit is kept after {proven_s / 3600.0:.2g} h")
 
 
@@ -457,7 +462,7 @@ def _rising(scenario: Scenario, number: int, lows_degC: Sequence[float], models:
         rests += [0.0, 0.0, 0.0, scenario.rests_s[number + 2]]
         time_s = close_s + rises_s + back_s
     rising = replace(scenario, disturbances=tuple(events), rests_s=tuple(rests), duration_s=time_s)
-    return LongOutage(_RISING, rising, (
+    return LongOutage(RISING, rising, (
         f"Where the setpoint rises from {_degrees(lows_degC)} to {scenario.setpoint_degC:.4g} °C on the way back from "
         "an open circuit"), most=_SLACK)
 
@@ -484,7 +489,7 @@ def _at_lower_setpoints(scenario: Scenario, number: int, lengths_s: Mapping[floa
             time_s += length_s + back_s
     lower = replace(scenario, disturbances=tuple(events), rests_s=tuple(rests), duration_s=time_s)
     every_s = sorted(length_s for shorter_s in lengths_s.values() for length_s in shorter_s)
-    return LongOutage(_LOW, lower, f"After {_minutes(every_s)} with an open circuit at {_degrees(lengths_s)} °C",
+    return LongOutage(LOW, lower, f"After {_minutes(every_s)} with an open circuit at {_degrees(lengths_s)} °C",
                       f"; {_KEPT_AT_HIGHEST}")
 
 
@@ -506,7 +511,7 @@ def _cold_at_lower_setpoints(
         rests += [0.0, 0.0, rest_s]
         time_s += off_s + way_s + rest_s
     cold = replace(scenario, disturbances=tuple(events), rests_s=tuple(rests), duration_s=time_s)
-    return LongOutage(_HEAT_UP, cold, f"On a heat-up from cold to {_degrees(setpoints_degC)} °C",
+    return LongOutage(HEAT_UP, cold, f"On a heat-up from cold to {_degrees(setpoints_degC)} °C",
                       f"; {_KEPT_AT_HIGHEST}")
 
 
