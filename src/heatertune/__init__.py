@@ -25,8 +25,8 @@ __all__ = [
     "Scaling", "Scenario", "TemperatureStep", "TuneSettings", "TwoLag", "Words", "alternatives", "choose_words",
     "compare", "controller", "decode", "design", "draw_heaters", "encode", "export", "fit", "fit_known",
     "fit_together", "fleet", "front", "iae_load", "load", "loop", "margins", "model_by_hand", "plan", "problem",
-    "prove", "read_log", "read_zones", "replay_document", "sample_document", "simulate", "study", "tune", "validate", "virtual_plc",
-    "write_report",
+    "prove", "read_log", "read_zones", "replay_document", "sample_document", "simulate", "study", "tune", "validate",
+    "virtual_plc", "write_report",
 ]
 
 if TYPE_CHECKING:

@@ -213,13 +213,13 @@ def moving_heaters(sheet: Sheet, index: Mapping[str, int]) -> tuple[str, ...]:
 
 def _changing_power(sheet: Sheet, i: int) -> Array | None:
     """Return the numbers of a column, shape (n,), empty cells 0; None where they are none or never change."""
-    cells = [row[i] for row in sheet.rows]
+    cells = sheet.columns[i]
     switched = on_or_off(cells)
     try:
-        values = np.array(switched or ["0" if says_nothing(cell) else cell for cell in cells], dtype=np.float64)
+        plain = cells.numbers(lambda cell: 0.0 if says_nothing(cell) else float(cell)) if switched is None else switched
     except ValueError:
         return None
-    return values if np.ptp(values) > 0.0 else None
+    return plain if np.ptp(plain) > 0.0 else None
 
 
 def _are_same(power: Array, second: Array) -> bool:
