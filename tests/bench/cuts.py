@@ -81,6 +81,7 @@ class Router:
         while not self._ended:
             if self._off and time.monotonic() >= self._back_s:
                 self._off = False
+            if self._held and time.monotonic() >= self._back_s + self._seconds:  # the system tries again more and more rarely
                 for to, content in self._held:  # of connections that nobody has reset
                     with contextlib.suppress(OSError):
                         to.sendall(content)
@@ -198,7 +199,7 @@ class Plant:
 
     def _arrived(self):
         """Wait until the outage is over, and nothing can arrive any more."""
-        time.sleep(self.cut.seconds + 0.3)
+        time.sleep(2.0 * self.cut.seconds + 0.3)
 
     def write(self):
         """Run it; yield what is wrong."""

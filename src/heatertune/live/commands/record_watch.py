@@ -78,7 +78,7 @@ def _run_record(settings: argparse.Namespace) -> int:
                 LINE.show(lambda: f"{live_line(so_far, time.monotonic() - begun)}; Ctrl-C ends it")
 
         so_far = record(address, settings.out, places, how, shown=shown, ended=lambda: bool(asked),
-                        reopened=lambda: hang_ups.pop() > 0 if hang_ups else False)
+                        reopen=lambda: hang_ups.pop() > 0 if hang_ups else False)
     LINE.end()
     document = _document(settings, so_far)
     printing.output(settings, document, lambda: _lines(document))
