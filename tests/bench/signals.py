@@ -1,8 +1,9 @@
 """Experiments that signals end at random moments, one or several, SIGKILL among them, on a PLC without a dead man.
 
     python -m tests.bench.signals [RUNS [SEED]]
+    python -m tests.bench.signals steps [RUNS [SEED]]
 
-Judged by the registers of a server that shares nothing with heatertune. After a SIGKILL the next command has to name the one that
+`steps` has a signal come at a request of `write` and of `rollback`, on the virtual PLC: each request, each signal. Judged by the registers of a server that shares nothing with heatertune. After a SIGKILL the next command has to name the one that
 brings back what stood there, and that one has to do it.
 """
 
@@ -17,10 +18,16 @@ import tempfile
 import time
 from pathlib import Path
 
+from heatertune import virtual_plc
+from heatertune.live.client.connection import address_of
 from heatertune.live.controller_block import block_for
+from heatertune.live.hold import Hold
+from heatertune.live.write.write_record import read_lines
 from heatertune.plc import controller_for
 from heatertune.proof.words_file import WORDS_SCHEMA
 from tests.bench.gateway import Gateway
+from tests.bench.kills import OLD, Written, told
+from tests.bench.sessions import folder_in
 from tests.live.conftest import words_of
 
 #: of a WEG block in the manual's order: ManualSetPoint and SelectSetPoint, Feedback
@@ -81,6 +88,65 @@ def run(chance, place):
     return sent, wrong
 
 
+def at_a_step(made, command, number, name, begun=virtual_plc):
+    """Send a signal at a request of a write or a rollback; return what was said, what is wrong, and whether it came in time."""
+    here = Written(made, begun)
+    sent = []
+    try:
+        line = list(here.line)
+        if command == "rollback":
+            assert told(*here.line, "--no-watch")[0] == 0
+            digest = read_lines(here.record).begin["sha256"]
+            line = ["rollback", here.record, "--apply", "--yes", digest[:8], "--unproven", "--quiet"]
+        process = subprocess.Popen([sys.executable, "-c", _HEEDS, *map(str, line)], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        memory, seen = here.plc.plc.memory, []
+        read, write = memory.read, memory.write
+
+        def at(act):
+            def request(*given):
+                seen.append(given)
+                if len(seen) == number and process.poll() is None:
+                    sent.append(name)
+                    process.send_signal(getattr(signal, name))
+                    time.sleep(0.1)
+                return act(*given)
+            return request
+
+        memory.read, memory.write = at(read), at(write)
+        said = " ".join(process.communicate(timeout=200)[0].split())
+        stands = {each: here.words[each] for each in OLD}
+        new = {each: here.new[each] for each in OLD}
+        due = {"DONE:": OLD if command == "rollback" else new, "ROLLED BACK": OLD, "NOT DONE": new if command == "rollback" else OLD}
+        wrong = [f"{head}: {stands}; {said}" for head, words in due.items() if said.startswith(head) and stands != words]
+        if process.returncode < 0 and stands not in (OLD, new):
+            wrong.append(f"ended by a signal: {stands}; {said}")
+        if not said.startswith(("DONE", "ROLLED BACK", "NOT DONE", "UNKNOWN", "PARTLY")) and stands != (new if command == "rollback" else OLD):
+            wrong.append(f"nothing is said: {stands}; {said}")
+        if Hold(address_of(here.address)).way_back() is not None and not said.startswith(("UNKNOWN", "PARTLY")):
+            wrong.append(f"the hold is open: {said}")
+        return said, wrong, bool(sent)
+    finally:
+        here.plc.close()
+
+
+def steps(runs=60, seed=1):
+    """Draw steps of both commands, and signals; return 1 where something was wrong."""
+    chance, bad, hit = random.Random(int(seed)), 0, 0
+    every = [(command, number, name) for command, most in (("write", 34), ("rollback", 16)) for number in range(1, most + 1)
+             for name in ("SIGINT", "SIGTERM", "SIGHUP")]
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["HEATERTUNE_STATE"] = str(Path(folder) / "state")
+        made = folder_in(Path(folder) / "made")
+        for command, number, name in chance.sample(every, min(int(runs), len(every))):
+            said, wrong, in_time = at_a_step(made, command, number, name)
+            bad, hit = bad + bool(wrong), hit + in_time
+            for left in made.glob("write_*"):
+                left.unlink()
+            print(f"{command}, request {number}, {name}: {wrong or said[:60]}", flush=True)
+    print(f"{runs} signals, {hit} of them within the command; {bad} wrong")
+    return int(bool(bad))
+
+
 def main(runs=20, seed=1):
     """Print what was wrong; return 1 where something was."""
     chance, bad = random.Random(int(seed)), 0
@@ -97,4 +163,4 @@ def main(runs=20, seed=1):
 
 
 if __name__ == "__main__":
-    sys.exit(main(*sys.argv[1:]))
+    sys.exit(steps(*sys.argv[2:]) if sys.argv[1:2] == ["steps"] else main(*sys.argv[1:]))

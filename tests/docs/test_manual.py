@@ -73,7 +73,7 @@ def test_every_page_is_in_the_navigation_and_every_fence_is_one_that_is_looked_a
         text = (DOCS / page).read_text(encoding="utf-8")
         fences = re.findall(r"^[ >]*```.*$", text, re.MULTILINE)
         opened = fences[::2]
-        assert set(opened) <= {"```sh", "```python", "```text", "```toml"}, page
+        assert set(opened) <= {"```sh", "```python", "```text", "```toml", "```ini"}, page
         for number, file in enumerate(re.findall(r"^```toml\n(.*?)^```", text, re.MULTILINE | re.DOTALL)):
             (tmp_path / f"{number}.toml").write_text(file, encoding="utf-8")
             READ.get(page, read_spec)(tmp_path / f"{number}.toml")

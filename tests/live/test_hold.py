@@ -289,3 +289,30 @@ def test_an_opcua_block_has_the_time_of_its_source(served):
         plc.release(1)
         client.read(30, 0, 4)
         assert client.sign_of_life().is_new(first) is True
+
+
+@pytest.mark.parametrize("second", ["experiment", "restore"])
+@pytest.mark.parametrize("first", ["experiment", "write", "rollback"])
+def test_two_commands_at_once_are_refused_before_the_first_byte(weg, tmp_path, first, second):
+    """That two writes, and a rollback beside a write, are refused is seen in `test_write`."""
+    with Hold(address(weg)).lock(first), pytest.raises(InputError, match=f"another command works on this PLC .*heatertune {first}"):
+        restore(address(weg)) if second == "restore" else run(weg, tmp_path)
+    assert weg.writes == []
+
+
+@pytest.mark.parametrize("kind", ["write", "rollback"])
+def test_what_a_dead_write_left_is_named_with_its_record_or_brought_back_without_one(weg, tmp_path, kind, monkeypatch):
+    monkeypatch.setattr(module, "HOST", hasty_clock())
+    record, died = tmp_path / "r.jsonl", Hold(address(weg))
+    record.write_text("")
+    part = WayBackPart(24, bytes(weg.memory[24:28]), {struct.pack(">f", 9.0)})
+    died.open(new_way_back(kind, address(weg), 1, [part], record))
+    weg.memory[24:28] = struct.pack(">f", 9.0)
+    assert f"a {kind} begun" in died.message()
+    assert died.message().endswith(f"heatertune rollback {record}")
+    with pytest.raises(InputError, match="heatertune rollback"):
+        restore(address(weg))
+    record.unlink()
+    assert died.message().endswith(f"heatertune experiment --restore {address(weg).text}")
+    assert restore(address(weg)) is True
+    assert bytes(weg.memory[24:28]) == part.before

@@ -428,3 +428,21 @@ def test_a_network_that_is_cut_at_a_request_leaves_what_is_reported(tmp_path, mo
         assert not wrong, cut
         hit += bool(at)
     assert hit >= 8
+
+
+@pytest.mark.long(seconds=40)
+def test_a_signal_at_a_request_of_a_write_or_a_rollback_leaves_one_side_or_the_other(tmp_path):
+    """`python -m tests.bench.signals steps` makes every one: 50 requests, three signals."""
+    made, begun, hit = signals.folder_in(tmp_path / "made"), [], 0
+
+    def begin(*given, **asked):
+        begun.append(signals.virtual_plc(*given, **asked))
+        return begun[-1]
+
+    for command, number, name in (("write", 12, "SIGHUP"), ("write", 21, "SIGTERM"), ("rollback", 9, "SIGINT")):
+        said, wrong, in_time = signals.at_a_step(made, command, number, name, begin)
+        assert not wrong
+        hit += in_time
+        for left in made.glob("write_*"):
+            left.unlink()
+    assert hit >= 2, said

@@ -501,6 +501,33 @@ def test_ctrl_c_ends_it_and_says_what_it_has(served, design_folder, tmp_path):
     assert len(whole_rows(tmp_path / "log.csv")) > 5
 
 
+@pytest.mark.skipif(signal.getsignal(getattr(signal, "SIGHUP", signal.SIGINT)) is signal.SIG_IGN, reason="SIGHUP is ignored here")
+@pytest.mark.long
+def test_a_service_goes_on_in_a_new_file_behind_a_rotation(served, design_folder, tmp_path):
+    """As logrotate does it: the file is moved, then SIGHUP; and a start continues what is there."""
+    plc, path = served(intervals=None, step=False, rate=1000.0), tmp_path / "log.csv"
+    command = _recording(plc, design_folder, path, "--service", "--quiet")
+
+    def grown(running, rows):
+        while not path.exists() or len(whole_rows(path)) < rows:
+            assert running.poll() is None
+
+    for old in ("log.1", "log.2"):
+        before = len(whole_rows(path)) if path.exists() else 0
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as running:
+            grown(running, before + 10)
+            path.rename(tmp_path / old)
+            running.send_signal(signal.SIGHUP)
+            grown(running, 10)
+            running.send_signal(signal.SIGTERM)
+            said, _ = running.communicate()
+        assert "rows" in said
+        assert running.returncode in (0, 1)  # 1: a row came between the two, and found the file moved
+        assert len(whole_rows(tmp_path / old)) >= before + 10
+    times = [row[0] for name in ("log.1", "log.2") for row in read_sheet(tmp_path / name).rows]
+    assert len(times) == len(set(times))
+
+
 @pytest.mark.long
 def test_killed_at_any_moment_it_has_one_torn_line_at_most(served, design_folder, tmp_path):
     """`python -m tests.bench.kills` makes thirty."""

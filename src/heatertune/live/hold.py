@@ -432,7 +432,16 @@ def new_way_back(
     command: str, address: Address, number: int, parts: Collection[WayBackPart], record: str | Path,
     power_pct: float = 0.0,
 ) -> WayBack:
-    """Return the way back of a command that begins now, in this process."""
+    """Return the way back of a command that begins now, in this process.
+
+    Args:
+        command: `experiment`, `write` or `rollback`.
+        address: of the PLC.
+        number: of the block.
+        parts: what is changed, in the order of the requests.
+        record: log of an experiment, record of a write.
+        power_pct: largest power of an experiment [%].
+    """
     return WayBack(command=command, address=address.text, number=number, parts=tuple(parts), record=str(record),
                    begun=utc_now(), process=os.getpid(), power_pct=power_pct)
 

@@ -249,7 +249,7 @@ class OpcuaServer(AsideServer):
         """Serve; see `heatertune.live.thread_server.AsideServer`."""
         server, service = await self._made()
         async with server:
-            publishing = asyncio.create_task(_publish(service))
+            publishing = asyncio.create_task(_publish(service, server.bserver.closing_tasks))
             yield
             publishing.cancel()
 
@@ -324,11 +324,17 @@ async def _variable(parent: Any, identifier: ua.NodeId, name: str, cell: NodeVar
     return node
 
 
-async def _publish(service: _Attributes) -> None:
-    """Tell those who subscribed to a cell when it has changed."""
+async def _publish(service: _Attributes, closing: list[asyncio.Task[Any]]) -> None:
+    """Tell those who subscribed to a cell when it has changed.
+
+    Args:
+        service: with the cells.
+        closing: the library's ends of connections, which it looks through too rarely for a client that sends nonsense.
+    """
     space, told = service._aspace, dict[ua.NodeId, Any]()
     while True:
         await asyncio.sleep(_LOOK_S)
+        closing[:] = [each for each in closing if not each.done()]
         for node, cell in service.cells.items():
             callbacks = space[node].attributes[ua.AttributeIds.Value].datachange_callbacks
             if not callbacks:

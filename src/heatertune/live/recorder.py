@@ -245,7 +245,7 @@ class _File:
 def record(
     address: Address, path: str | Path, places: Places | None = None, settings: RecordingSetup | None = None, *,
     shown: Callable[[RecordingState], object] = lambda _: None, ended: Callable[[], bool] = lambda: False,
-    reopened: Callable[[], bool] = lambda: False,
+    reopen: Callable[[], bool] = lambda: False,
 ) -> RecordingState:
     """Record a running loop until its time is over.
 
@@ -256,7 +256,7 @@ def record(
         settings: how; None: each scan, without an end.
         shown: called after each look.
         ended: asked after each look whether it is enough.
-        reopened: asked after each look whether to go on in the file of that name, which may be another one now.
+        reopen: asked after each look whether to go on in the file of that name, which may be another one now.
 
     Returns:
         What was recorded; the file is whole, also where this raises.
@@ -276,7 +276,7 @@ def record(
         switched = "" if given.pwm_period_s is None else f"{SWITCHED}{given.pwm_period_s:.9g} s"
         heads = f"{MARK}; {address.text}; begun {_now()}; time: {clock}{switched}{mixed}\n{','.join(columns)}\n"
         with _File(Path(path), heads, given.append) as file:
-            return _Rows(looking, file, given).run(shown, ended, reopened)
+            return _Rows(looking, file, given).run(shown, ended, reopen)
 
 
 class _Rows:
@@ -293,10 +293,10 @@ class _Rows:
         self._reason, self._missing = "", tuple[str, ...]()
 
     def run(self, shown: Callable[[RecordingState], object], ended: Callable[[], bool],
-            reopened: Callable[[], bool] = lambda: False) -> RecordingState:
+            reopen: Callable[[], bool] = lambda: False) -> RecordingState:
         """Look until it is enough."""
         while not ended():
-            if reopened():
+            if reopen():
                 self._file.reopen()
             look = self._looked(shown, ended)
             if look is not None:

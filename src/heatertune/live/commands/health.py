@@ -12,7 +12,8 @@ from heatertune.batch.command import Bar, add_table_options, workers
 from heatertune.cli import common, printing
 from heatertune.cli.printing import LINE
 from heatertune.errors import InputError
-from heatertune.live.commands.record_watch import asked_to_end
+from heatertune.live.client.connection import address_of
+from heatertune.live.commands.record_watch import asked_to_end, tell_unended
 from heatertune.settings import ReadSettings, WordSettings
 from heatertune.writing import write_files
 
@@ -92,6 +93,8 @@ def _logs(settings: argparse.Namespace, page: Path) -> tuple[str | Path, Any, li
         raise InputError("--duration S is needed: how long to record the loops, enough for a setpoint change or a load")
     if settings.resume:
         raise InputError(f"--resume continues with existing logs: give their folder in {page.stem}_logs")
+    for text in addresses:
+        tell_unended(address_of(text))
     folder = page.with_name(f"{page.stem}_logs") / f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}"
     with asked_to_end() as asked:
         loops, left_out = record_addresses(

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ALL_SIGNALS", "RECORD_EXAMPLE", "WATCH_EXAMPLE", "add_record", "add_watch", "asked_to_end", "live_line",
-    "show_notes", "signals_as_ctrl_c", "tell",
+    "show_notes", "signals_as_ctrl_c", "tell", "tell_unended",
 ]
 
 
@@ -68,7 +68,7 @@ def _run_record(settings: argparse.Namespace) -> int:
     how = RecordingSetup(every_s=settings.interval, for_s=settings.for_s, append=settings.append or settings.service,
                          timeout_s=settings.timeout, pwm_period_s=_pwm_period_s(settings.design))
     places, begun = places_given(design=settings.design, map_file=settings.map), time.monotonic()
-    _tell_unended(address)
+    tell_unended(address)
     shown_notes: list[str] = []
     signals = [name for name in _ENDING if not (settings.service and name == "SIGHUP")]
     with asked_to_end(signals) as asked, asked_to_end(("SIGHUP",) if settings.service else ()) as hang_ups:
@@ -78,14 +78,14 @@ def _run_record(settings: argparse.Namespace) -> int:
                 LINE.show(lambda: f"{live_line(so_far, time.monotonic() - begun)}; Ctrl-C ends it")
 
         so_far = record(address, settings.out, places, how, shown=shown, ended=lambda: bool(asked),
-                        reopened=lambda: hang_ups.pop() > 0 if hang_ups else False)
+                        reopen=lambda: hang_ups.pop() > 0 if hang_ups else False)
     LINE.end()
     document = _document(settings, so_far)
     printing.output(settings, document, lambda: _lines(document))
     return 1 if so_far.notes else 0
 
 
-def _tell_unended(address: Address) -> None:
+def tell_unended(address: Address) -> None:
     """Show on stderr what has not ended on a PLC."""
     from heatertune.live.hold import Hold
 

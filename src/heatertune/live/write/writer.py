@@ -94,11 +94,11 @@ class _Change:
         """Return whether a word stands there as this change left it."""
         return value == self.after[name] or (name in self.stored and value == self.stored[name])
 
-    def left_of(self, names: Iterable[str], found: Values) -> list[str]:
+    def left_of(self, names: Iterable[str], values: Values) -> list[str]:
         """Return which words stand there as written though they were put back, and take note of neither side's."""
-        left = [name for name in names if self.is_written(name, found[name])]
-        self.stored.update({name: found[name] for name in names
-                            if name not in left and found[name] != self.before[name]})
+        left = [name for name in names if self.is_written(name, values[name])]
+        self.stored.update({name: values[name] for name in names
+                            if name not in left and values[name] != self.before[name]})
         return left
 
     @property
