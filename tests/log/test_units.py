@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from heatertune.errors import LogError
 from heatertune.log import read_log
 from heatertune.log.quantities import is_scaled, unit_in_name
+from heatertune.log.values import Signal
 from heatertune.settings import ReadSettings
 
 #: one heater in s, °C and % of full power: at rest at 22 °C, then a rise
@@ -283,3 +284,11 @@ def test_a_recorders_channel_whose_name_says_nothing_but_degrees_is_the_temperat
     assert log.taken.columns["temperature"] == ("'CH0001 [C]'", "°C")
     with pytest.raises(LogError, match="no column is a temperature"):  # two of them: which is the heater's?
         read_log("dx.csv", content=f"{header} [C]\n{rows}\n".encode(), power_column="CH0002")
+
+
+def test_a_signal_shows_its_unit_with_the_evidence_that_the_file_does_not_say():
+    values = TIME_S
+    assert Signal(values, "degC", "°C").written == "°C"
+    assert Signal(values, "degC", "°C", "from a room's temperature").written == "°C, from a room's temperature"
+    assert Signal(values, "degC", "°C", "").written == "°C, assumed"
+    assert Signal(values, "27648.0", "0…27648").full_scale == 27648.0

@@ -45,9 +45,10 @@ from heatertune.log.side_columns import (
     is_cooling,
     is_fan,
 )
+from heatertune.log.values import EXPLICIT, Signal
 
 __all__ = [
-    "ASSUMED", "CLOCK_UNITS", "NO_COLUMN", "TIME_UNITS", "Columns", "cell_error", "choose_column",
+    "CLOCK_UNITS", "NO_COLUMN", "TIME_UNITS", "Columns", "cell_error", "choose_column",
     "find_columns", "forwards", "likely_time_unit", "numbers", "seconds", "with_dates", "with_names",
 ]
 
@@ -330,9 +331,6 @@ def _is_float(cell: str) -> bool:
     return not math.isnan(_float(cell)) or cell.strip("+-").lower() == "nan"
 
 
-#: suffix of the notation of a number with an unknown unit
-ASSUMED: Final = ", assumed"
-
 #: times of two numbers: the option that says which → name of the first and the second
 _TWO_NUMBERS: Final = re.compile(r"\d{1,3}:\d\d(\.\d+)?")
 CLOCK_UNITS: Final = ("mm:ss", "hh:mm")
@@ -385,8 +383,8 @@ def with_dates(sheet: Sheet, columns: Columns, wanted: str | int | None) -> tupl
 
 def seconds(
     sheet: Sheet, columns: Columns, unit: str | None, sample_time_s: float | None, repairs: list[str]
-) -> tuple[Array, str]:
-    """Return the time of each row [s], shape (n,), and its notation: "counted", "stamps" or the unit.
+) -> Signal:
+    """Return the time of each row [s]; its unit is also "counted" or "stamps".
 
     Args:
         sheet: the cells.
@@ -401,7 +399,7 @@ def seconds(
     if sample_time_s is not None:
         unused = f"; column {columns.names['time']} not used" if "time" in columns.index else ""
         repairs.append(f"The time was counted in rows of {sample_time_s:g} s{unused}.")
-        return np.arange(len(sheet), dtype=np.float64) * sample_time_s, "counted"
+        return Signal(np.arange(len(sheet), dtype=np.float64) * sample_time_s, "counted", "counted")
     if "time" not in columns.index:
         expected = "--log-interval with the seconds between two rows, or --time-column"
         raise LogError("the file has no time column", file=sheet.file, expected=expected)
@@ -409,10 +407,11 @@ def seconds(
     two = _two_numbers(sheet, columns, cells, unit)
     if two:
         repairs.append(f"The time was read as {two}.")
-        return _past_midnight((60.0 if two == "hh:mm" else 1.0) * cells.numbers(_sixties), repairs), two
+        each_s = 60.0 if two == "hh:mm" else 1.0
+        return Signal(_past_midnight(each_s * cells.numbers(_sixties), repairs), two, two)
     if not is_number(cells[0]) and (stamp(cells[0]) is not None or month_first(cells)):
         repairs.append("Time stamps were converted to seconds from the first row.")
-        return _from_stamps(sheet, columns, cells, repairs), "stamps"
+        return Signal(_from_stamps(sheet, columns, cells, repairs), "stamps", "stamps")
     return _from_numbers(sheet, columns, unit, repairs)
 
 
@@ -444,13 +443,13 @@ def _sixties(cell: str) -> float:
     return 60.0 * int(minutes) + float(seconds)
 
 
-def _from_numbers(sheet: Sheet, columns: Columns, unit: str | None, repairs: list[str]) -> tuple[Array, str]:
+def _from_numbers(sheet: Sheet, columns: Columns, unit: str | None, repairs: list[str]) -> Signal:
     values = numbers(sheet, columns, "time", f"a number or a time like {STAMPS}")
     named = columns.unit("time")
     epoch = next(((name, length) for least, name, length in _EPOCHS if values[0] > least), None)
     if unit is None and named in (None, "ms") and epoch is not None and not columns.is_foreign("time"):
         repairs.append(f"The time is in {epoch[0]} since 1970 by its digits and was counted from the first row.")
-        return (values - values[0]) * epoch[1], epoch[0]
+        return Signal((values - values[0]) * epoch[1], epoch[0], epoch[0])
     if unit is None and (columns.is_foreign("time") or epoch is not None or _are_days(values, named)):
         raise cell_error(sheet, columns, "time", 0, "a time in an unknown unit:", "--time-unit s, ms, min, h or d")
     if unit in CLOCK_UNITS:
@@ -467,7 +466,7 @@ def _from_numbers(sheet: Sheet, columns: Columns, unit: str | None, repairs: lis
     if values[0] * TIME_UNITS[time_unit] > _EPOCH:
         repairs.append("The time is a calendar's and was counted from the first row.")
         values = values - values[0]
-    return values * TIME_UNITS[time_unit], f"{time_unit}{ASSUMED}" if assumed else time_unit
+    return Signal(values * TIME_UNITS[time_unit], time_unit, time_unit, "" if assumed else EXPLICIT)
 
 
 def _is_calendar(values: Array) -> bool:

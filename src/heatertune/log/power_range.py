@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import re
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
 from heatertune.arrays import Array
 from heatertune.errors import LogError
-from heatertune.log.columns import ASSUMED, Columns, cell_error, numbers
+from heatertune.log.columns import Columns, cell_error, numbers
 from heatertune.log.quantities import is_scaled, on_or_off
 from heatertune.log.sheet import Sheet
+from heatertune.log.values import EXPLICIT, Signal
 from heatertune.units import count
 
-__all__ = ["Power", "power_of"]
+__all__ = ["power_of"]
 
 
 #: readings without power and at full power of signals with a live zero, and the unit of each
@@ -77,24 +78,11 @@ _EXPECTED: Final = "--power-full-scale with the reading at full power{}, or --po
 _FULL_SCALES: Final = (255, 1000, 1023, 4095, 10000, 27648, 32767, 65535)
 
 
-class Power(NamedTuple):
-    """The power [%], below 0 that of a cooler; how it was written, and which full scale is likeliest if assumed.
-
-    `levels` are the readings without power and at full power, if the user states them; otherwise the first is 0.
-    """
-
-    percent: Array
-    full_scale: float
-    written: str
-    likely_full_scale: float = 100.0
-    levels: tuple[float, float] | None = None
-
-
 def power_of(
     sheet: Sheet, columns: Columns, given: float | None, repairs: list[str], doubts: list[str], *,
     levels: tuple[float, float] | None = None,
-) -> Power | None:
-    """Return the power; None if it was not logged.
+) -> Signal | None:
+    """Return the power [%], below 0 that of a cooler; its unit is the reading at full power. None: it was not logged.
 
     Args:
         sheet: the cells.
@@ -112,7 +100,7 @@ def power_of(
     switched = on_or_off(sheet.columns[columns.index["power"]])
     if switched is not None:
         repairs.append("The power is on or off; taken as 100 % and 0 %.")
-        return Power(switched * 100.0, 1.0, "on/off")
+        return Signal(switched * 100.0, "1", "on/off")
     expected = "a number, or on and off in every row (--power-column none if there is no power)"
     values = numbers(sheet, columns, "power", expected)
     if levels is not None:
@@ -128,20 +116,21 @@ def power_of(
         repairs.append(f"The power was divided by its reading at full power, {full_scale:g}.")
     values = _two_way(sheet, columns, values, full_scale, repairs)
     two_way = bool(np.any(values < 0.0))
-    written = f"{-full_scale if two_way else 0:g}…{full_scale:g}" + (" %" if full_scale == 100.0 else "")
+    evidence, sign = EXPLICIT, " %" if full_scale == 100.0 else ""
+    shown = f"{-full_scale if two_way else 0:g}…{full_scale:g}{sign}"
     percent = values if full_scale == 100.0 else values / full_scale * 100.0
     if two_way:
-        stated = given or _is_two_way(columns.names["power"])
-        other = f" (off at {-full_scale:g}: --power-levels {-full_scale:g} {full_scale:g}){ASSUMED}"
-        written += ", it cools below 0" + ("" if stated else other)
+        evidence = EXPLICIT if given or _is_two_way(columns.names["power"]) else ""
+        shown += ", it cools below 0" + (
+            "" if evidence else f" (off at {-full_scale:g}: --power-levels {-full_scale:g} {full_scale:g})")
     elif not (given or named):
-        written += _grounds(columns.names["power"], values, full_scale)
-    return Power(percent, full_scale, written, 255.0 if _PWM.search(columns.names["power"]) else 100.0)
+        evidence = _evidence(columns.names["power"], values, full_scale)
+    return Signal(percent, repr(full_scale), shown, evidence, "255" if _PWM.search(columns.names["power"]) else "100")
 
 
 def _between(
     sheet: Sheet, columns: Columns, values: Array, levels: tuple[float, float], repairs: list[str]
-) -> Power:
+) -> Signal:
     """Return the power by its readings without power and at full power, as the user states them."""
     off, full = levels
     if off == full:
@@ -151,7 +140,7 @@ def _between(
         raise cell_error(sheet, columns, "power", int(outside[0]), "power out of range:",
                          f"{min(levels):g}…{max(levels):g}, as --power-levels says")
     repairs.append(f"The power is 0 % at a reading of {off:g} and 100 % at {full:g}, as stated.")
-    return Power(_percent_between(values, levels), full, f"{off:g}…{full:g}", levels=levels)
+    return Signal(_percent_between(values, levels), repr(full), f"{off:g}…{full:g}", levels=levels)
 
 
 def _two_way(sheet: Sheet, columns: Columns, values: Array, full_scale: float, repairs: list[str]) -> Array:
@@ -188,15 +177,15 @@ def _offset(name: str, values: Array) -> str:
         name, values)[:1])
 
 
-def _grounds(name: str, values: Array, full_scale: float) -> str:
-    """Return the evidence for the full scale of a power without a unit: on/off values, its extremes, or none (assumed).
+def _evidence(name: str, values: Array, full_scale: float) -> str:
+    """Return the evidence for the full scale of a power without a unit: on/off values, its extremes, or none.
 
     A name that suggests counts or multiples, such as PWM or x10, contradicts the extremes.
     """
     if full_scale == 1.0:
-        return ", of a switch"
+        return "of a switch"
     reached = float(values.min()) == 0.0 and float(values.max()) == full_scale
-    return ", both reached" if reached and not (_PWM.search(name) or is_scaled("power", name)) else ASSUMED
+    return "both reached" if reached and not (_PWM.search(name) or is_scaled("power", name)) else ""
 
 
 def _assumed(sheet: Sheet, columns: Columns, values: Array, repairs: list[str], doubts: list[str]) -> float:

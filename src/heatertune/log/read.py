@@ -26,7 +26,6 @@ from heatertune.log.cleaning import (
     without_unreadable_power,
 )
 from heatertune.log.columns import (
-    ASSUMED,
     CLOCK_UNITS,
     NO_COLUMN,
     TIME_UNITS,
@@ -41,7 +40,7 @@ from heatertune.log.columns import (
     with_names,
 )
 from heatertune.log.on_change import Mask, at_edges, on_change, spread, without_blank_power
-from heatertune.log.power_range import Power, power_of
+from heatertune.log.power_range import power_of
 from heatertune.log.quantities import ROLES, is_scaled, on_or_off, says_nothing
 from heatertune.log.sheet import Sheet
 from heatertune.log.side_columns import SIDE_ROLES, is_cooling, moving_heaters, quoted
@@ -49,11 +48,14 @@ from heatertune.log.tags import TagSelection, TagTable, by_tags, with_power_rows
 from heatertune.log.values import (
     ABSOLUTE_ZERO_DEGC,
     BUILT_IN,
+    ON_CHANGE,
+    SAMPLES,
     UNIT_OPTIONS,
     BuiltIn,
     Log,
     Option,
     ReadSummary,
+    Signal,
     built_in,
 )
 from heatertune.options import merge_options, with_options
@@ -69,39 +71,13 @@ if TYPE_CHECKING:
     from heatertune.keywords import ReadOptions
 
 __all__ = [
-    "SIGNS", "FileNotation", "RowCounts", "TemperatureUnit", "log_of", "read_log", "stated_units",
-    "taken_of",
+    "SIGNS", "RowCounts", "log_of", "read_log", "stated_units", "taken_of",
 ]
 
 
 #: unit of a temperature → how it is written
 SIGNS: Final = {
     "degC": "°C", "degF": "°F", "K": "K", "0.1degC": "0.1 °C", "0.01degC": "0.01 °C", "0.1degF": "0.1 °F"}
-
-
-class TemperatureUnit(NamedTuple):
-    """Unit of the temperature.
-
-    Attributes:
-        name: the unit.
-        assumed: whether neither the file nor the user states it.
-        evidence: for an assumed unit, the reason that excludes all others; empty: there is none.
-        likely: for an assumed unit, the unit to propose.
-    """
-
-    name: str
-    assumed: bool
-    evidence: str = ""
-    likely: str = ""
-
-
-class FileNotation(NamedTuple):
-    """Notation of time, temperature and power (None without power), and the units stated by the user."""
-
-    clock: str
-    temperature: TemperatureUnit
-    power: Power | None
-    stated: frozenset[str] = frozenset()
 
 
 class RowCounts(NamedTuple):
@@ -121,9 +97,8 @@ class RowCounts(NamedTuple):
 
 
 def taken_of(
-    file: str, sheet: Sheet, columns: Columns, tagged: TagTable, *, time: Array, written: FileNotation,
-    counts: RowCounts,
-    options: Mapping[str, Option],
+    file: str, sheet: Sheet, columns: Columns, tagged: TagTable, *, signals: Mapping[str, Signal],
+    stated: frozenset[str], counts: RowCounts, options: Mapping[str, Option],
 ) -> ReadSummary:
     """Return the summary of the reading.
 
@@ -132,29 +107,24 @@ def taken_of(
         sheet: the rows that were read.
         columns: which column is what.
         tagged: result of the selection of tags and flags.
-        time: of the readings that were kept, shape (n,) [s].
-        written: notation of its numbers.
+        signals: of each role, those of the readings that were kept.
+        stated: roles whose unit the user states.
         counts: number of rows of each kind.
         options: options for its rows, from the user or the file.
     """
-    clock, temperature, power, stated = written
-    grounds = temperature.evidence or "assumed"
-    how = {
-        "time": clock, "temperature": SIGNS[temperature.name] + (f", {grounds}" if temperature.assumed else ""),
-        "power": "" if power is None else power.written, "setpoint": "", **dict.fromkeys(SIDE_ROLES, ""),
-    }
+    time, counted = signals["time"].values, signals["time"].unit == "counted"
+    how = {role: signals[role].written if role in signals else "" for role in (*ROLES, *SIDE_ROLES)}
     lost = tagged.lost + sheet.lost
     used = {role: (_names(sheet, columns, role), how[role]) for role in columns.index if role in how}
-    if clock == "counted":
+    if counted:
         used["time"] = ("row", f"{options['sample_time_s']:g} s")
-    if power is None:
-        used.pop("power", None)
     return ReadSummary(
         file=file, rows=len(time), interval_s=float(np.median(np.diff(time))) if len(time) > 1 else 0.0, columns=used,
         rows_read=counts.read + lost, left_out=counts.read + lost + counts.put_back - len(time),
-        repeats=counts.repeats, repaired=counts.filled, unused=tagged.unused or _unused(sheet, columns, tagged, clock),
+        repeats=counts.repeats, repaired=counts.filled,
+        unused=tagged.unused or _unused(sheet, columns, tagged, counted=counted),
         moving_heaters=() if tagged.is_long else moving_heaters(sheet, columns.index),
-        reading=_reading(sheet, columns, tagged, written, options), assumed=_assumed(written, time), stated=stated,
+        reading=_reading(sheet, columns, tagged, signals, options), assumed=_assumed(signals), stated=stated,
     )
 
 
@@ -165,16 +135,11 @@ def stated_units(asked: ReadSettings) -> frozenset[str]:
     return frozenset(stated | ({"time"} if asked.sample_time_s is not None else set()))
 
 
-def _assumed(written: FileNotation, time: Array) -> dict[str, str]:
+def _assumed(signals: Mapping[str, Signal]) -> dict[str, str]:
     """Return role → option that states its unit, of each unit without evidence: the likeliest one, to be checked."""
-    likely = {}
-    if written.clock.endswith(ASSUMED):
-        likely["time"] = likely_time_unit(time)
-    if written.temperature.assumed and not written.temperature.evidence:
-        likely["temperature"] = written.temperature.likely or written.temperature.name
-    if written.power is not None and written.power.written.endswith(ASSUMED):
-        likely["power"] = f"{written.power.likely_full_scale:g}"
-    return {role: f"--{UNIT_OPTIONS[role].replace('_', '-')} {unit}" for role, unit in likely.items()}
+    unknown = {role: signals[role] for role in UNIT_OPTIONS if role in signals and not signals[role].evidence}
+    return {role: f"--{UNIT_OPTIONS[role].replace('_', '-')} {signal.likely or likely_time_unit(signal.values)}"
+            for role, signal in unknown.items()}
 
 
 def _names(sheet: Sheet, columns: Columns, role: str) -> str:
@@ -184,30 +149,30 @@ def _names(sheet: Sheet, columns: Columns, role: str) -> str:
     return " + ".join(f"'{name}'" if sheet.header else f"column {name}" for name in names)
 
 
-def _unused(sheet: Sheet, columns: Columns, tagged: TagTable, clock: str) -> tuple[str, ...]:
-    used = {i for role, i in columns.index.items() if role != "time" or clock != "counted"}
+def _unused(sheet: Sheet, columns: Columns, tagged: TagTable, *, counted: bool) -> tuple[str, ...]:
+    used = {i for role, i in columns.index.items() if role != "time" or not counted}
     flags = {tagged.options.get("quality_column"), tagged.options.get("tag_column")}
     return tuple(name for i, name in enumerate(sheet.names()) if i not in used and name not in flags)
 
 
 def _reading(
-    sheet: Sheet, columns: Columns, tagged: TagTable, written: FileNotation, options: Mapping[str, Option]
+    sheet: Sheet, columns: Columns, tagged: TagTable, signals: Mapping[str, Signal], options: Mapping[str, Option]
 ) -> dict[str, Option]:
     """Return the options that repeat the reading, in the order in which people read a command."""
     reading: dict[str, Option] = {name: value for name, value in options.items() if value}
     if not tagged.is_long:
         reading |= {f"{role}_column": _reference(sheet, i) for role, i in columns.index.items()
-                    if role != "time" or written.clock != "counted"}
+                    if role != "time" or signals["time"].unit != "counted"}
         reading |= {f"{role}_column": NO_COLUMN for role in ("power", "setpoint") if role not in columns.index}
     reading |= tagged.options
-    unit = written.clock.partition(",")[0]
-    if unit in TIME_UNITS or unit in CLOCK_UNITS:
+    if (unit := signals["time"].unit) in TIME_UNITS or unit in CLOCK_UNITS:
         reading["time_unit"] = unit
-    reading["temperature_unit"] = written.temperature.name
-    if written.power is not None and written.power.levels is not None:
-        reading["power_levels"] = written.power.levels
-    elif written.power is not None:
-        reading["power_full_scale"] = written.power.full_scale
+    reading["temperature_unit"] = signals["temperature"].unit
+    power = signals.get("power")
+    if power is not None and power.levels is not None:
+        reading["power_levels"] = power.levels
+    elif power is not None:
+        reading["power_full_scale"] = power.full_scale
     return reading
 
 
@@ -228,17 +193,6 @@ _ROOM_DEGC: Final = (15.0, 30.0)  # in °F, in kelvins and in tenths of a degree
 _WITHIN: Final = 1.5  # intervals between two readings: a power that is late by no more is as in any other log
 _BELOW_FIRST: Final = 0.1  # fraction of the span by which a heater's log may fall below its start
 _POSSIBLE_DEGC: Final = (-90.0, 2000.0)  # colder than any place on earth; hotter than any electric heater
-
-
-class _Series(NamedTuple):
-    """The values of the kept rows, each of shape (n,); None if not logged."""
-
-    time_s: Array
-    temperature_degC: Array
-    power_pct: Array | None
-    setpoint_degC: Array | None
-    disturbance: Array | None
-    ambient_degC: Array | None
 
 
 @with_options(ReadSettings)
@@ -287,8 +241,8 @@ def read_log(
     repairs = [*sheet.repairs, *columns.notes]
     if asked.sample_time_s is None:
         sheet = without_strays(sheet, columns, repairs)
-    time, clock = seconds(sheet, columns, asked.time_unit, asked.sample_time_s, repairs)
-    sheet, time = forwards(sheet, time, repairs)
+    clock = seconds(sheet, columns, asked.time_unit, asked.sample_time_s, repairs)
+    sheet, time = forwards(sheet, clock.values, repairs)
     sheet, time, chosen_run = one_run(sheet, time, asked.run, repairs)
     time = spread_instants(sheet, columns, time, repairs)
     sheet, time, edges = without_blank_power(sheet, columns, time, repairs)
@@ -299,32 +253,28 @@ def read_log(
                          skip_empty=asked.skip_empty)
     raw *= asked.temperature_scale or 1.0
     unit = _temperature_unit(sheet, columns, asked, raw[kept], repairs, doubts)
-    setpoint, filled = _setpoint(sheet, columns, unit.name, asked.temperature_scale or 1.0, repairs)
+    setpoint, filled = _setpoint(sheet, columns, unit.unit, asked.temperature_scale or 1.0, repairs)
     disturbance, held = _disturbance(sheet, columns, repairs)
     power = power_of(sheet, columns, asked.power_full_scale, repairs, doubts, levels=asked.power_levels)
-    power = _with_cooling(sheet, columns, power, repairs)
-    room, _ = _setpoint(sheet, columns, unit.name, 1.0, repairs, role="ambient")
-    series = _Series(
-        time_s=time[kept], temperature_degC=_temperature(sheet, columns, "temperature", unit, raw, kept)[kept],
-        power_pct=None if power is None else power.percent[kept],
-        setpoint_degC=None if setpoint is None else setpoint[kept],
-        disturbance=None if disturbance is None else disturbance[kept],
-        ambient_degC=None if room is None else room[kept])
-    series, continued, late_s = _put_back(series, edges[kept], tagged.lost_s, repairs, recorded=sheet.recorded,
-                                           power_every_s=sheet.power_every_s)
-    tell_gaps(series.time_s, np.abs(sheet.lines)[kept][continued], power is not None, doubts)
+    every: dict[str, Signal | None] = {
+        "time": clock._replace(values=time),
+        "temperature": unit._replace(values=_in_degC(sheet, columns, "temperature", unit.unit, raw, kept)),
+        "power": _with_cooling(sheet, columns, power, repairs), "setpoint": setpoint, "disturbance": disturbance,
+        "ambient": _setpoint(sheet, columns, unit.unit, 1.0, repairs, role="ambient")[0]}
+    signals, continued = _put_back(
+        {role: signal._replace(values=signal.values[kept]) for role, signal in every.items() if signal is not None},
+        edges[kept], tagged.lost_s, repairs, recorded=sheet.recorded, power_every_s=sheet.power_every_s)
+    tell_gaps(signals["time"].values, np.abs(sheet.lines)[kept][continued], "power" in signals, doubts)
     taken = taken_of(
-        table.name if table else display_name(Path(source).name), sheet, columns, tagged, time=series.time_s,
-        written=FileNotation(clock, unit, power, stated_units(asked)),
-        counts=RowCounts(read=len(time), repeats=repeats, filled=filled + held,
-                         put_back=len(continued) - int(kept.sum())),
+        table.name if table else display_name(Path(source).name), sheet, columns, tagged, signals=signals,
+        stated=stated_units(asked), counts=RowCounts(
+            read=len(time), repeats=repeats, filled=filled + held, put_back=len(continued) - int(kept.sum())),
         options={"sample_time_s": asked.sample_time_s, "run": chosen_run, "skip_empty": asked.skip_empty,
                  "errata": asked.errata, "skip_rows": max(asked.skip_rows, sheet.above),
                  "temperature_scale": asked.temperature_scale, "decimal_comma": asked.decimal_comma,
                  "tag": sheet.part or None, "power_log": asked.power_log},
     )
-    log = _log(source, table, sheet, series, tuple(repairs), tuple(doubts), taken)
-    return replace(log, power_late_s=late_s) if late_s else log
+    return _log(source, table, sheet, signals, tuple(repairs), tuple(doubts), taken)
 
 
 def _demand_no_sides(sheet: Sheet, wanted: Mapping[str, str | int], unused: Sequence[str]) -> None:
@@ -369,41 +319,44 @@ _MOVES: Final = 0.1
 
 
 def _put_back(
-    series: _Series, edges: Mask, lost_s: Sequence[float], repairs: list[str], *, recorded: bool,
+    signals: dict[str, Signal], edges: Mask, lost_s: Sequence[float], repairs: list[str], *, recorded: bool,
     power_every_s: float
-) -> tuple[_Series, npt.NDArray[np.intp], float]:
+) -> tuple[dict[str, Signal], npt.NDArray[np.intp]]:
     """Return the rows with those that were not written since nothing changed, and the row that each continues.
 
-    And by how much the power may have changed before the row that shows it [s]: up to the row before, where no row is
-    there for the power alone, or an interval of the file that samples the power alone.
+    The power may have changed before the row that shows it: up to the row before, where no row is there for the power
+    alone, or an interval of the file that samples the power alone.
     """
-    time, temperature = series.time_s, series.temperature_degC
+    time, temperature = signals["time"].values, signals["temperature"].values
     other = np.zeros(len(time), dtype=np.bool_)
-    for column in (series.power_pct, series.setpoint_degC):
-        if column is not None:
-            other[1:] |= np.diff(column) != 0.0
+    for role in ("power", "setpoint"):
+        if role in signals:
+            other[1:] |= np.diff(signals[role].values) != 0.0
     alone = edges | (other & np.array([False, *(np.diff(temperature) == 0.0)]))
     own = ~alone
     usual_s = float(np.median(np.diff(time[own]))) if np.count_nonzero(own) > 1 else 0.0
     late_s = power_every_s if power_every_s > _WITHIN * usual_s else 0.0
     written = None if recorded else on_change(time[own], temperature[own])  # a recorder writes each reading
+    if "power" in signals:
+        late_s = late_s or (0.0 if written is None else _late_s(
+            time, signals["power"].values, alone, written.interval_s))
+        signals = {**signals, "power": signals["power"]._replace(late_s=late_s)}
     if written is None:
-        return series, np.arange(len(time)), late_s
-    late_s = late_s or _late_s(time, series.power_pct, alone, written.interval_s)
+        return signals, np.arange(len(time))
     rows = spread(time, temperature, written, np.array(lost_s) + time[0])
     if len(rows.source) == len(time):
-        return series, rows.source, late_s
+        return signals, rows.source
     repairs.append(
         f"The temperature is written where it changes by {written.step_degC:.3g} °C; {len(rows.source) - len(time)} "
         f"rows in which it stood were put back, {written.interval_s:.3g} s apart.")
-    others = (None if column is None else column[rows.source] for column in series[2:])
-    return _Series(rows.time_s, rows.temperature, *others), rows.source, late_s
+    values = {role: signal.values[rows.source] for role, signal in signals.items()}
+    values |= {"time": rows.time_s, "temperature": rows.temperature}
+    signals["temperature"] = signals["temperature"]._replace(between=ON_CHANGE)
+    return {role: signal._replace(values=values[role]) for role, signal in signals.items()}, rows.source
 
 
-def _late_s(time: Array, power: Array | None, alone: Mask, interval_s: float) -> float:
+def _late_s(time: Array, power: Array, alone: Mask, interval_s: float) -> float:
     """Return by how much a power may have changed before its row, where all its rows are readings' as well [s]."""
-    if power is None:
-        return 0.0
     changed = np.flatnonzero(np.diff(power) != 0.0) + 1
     if not len(changed) or np.any(alone[changed]):
         return 0.0
@@ -458,22 +411,29 @@ def _with_power_log(sheet: Sheet, asked: ReadSettings) -> tuple[Sheet, ReadSetti
 
 
 def _log(
-    source: str | Path, table: BuiltIn | None, sheet: Sheet, series: _Series, repairs: tuple[str, ...],
-    doubts: tuple[str, ...], taken: ReadSummary,
+    source: str | Path, table: BuiltIn | None, sheet: Sheet, signals: Mapping[str, Signal], repairs: tuple[str, ...],
+    doubts: tuple[str, ...], taken: ReadSummary
 ) -> Log:
-    power = series.power_pct
-    cools = power is not None and bool(np.any(power < 0.0))
+    columns: dict[str, Any] = {_FIELDS[role]: signal.values for role, signal in signals.items()}
+    power = columns.get("power_pct")
+    if power is not None:
+        columns["power_pct"] = np.maximum(power, 0.0)
+        columns |= {"cooling_pct": np.maximum(-power, 0.0)} if np.any(power < 0.0) else {}
     try:
         return Log(
             name=table.name if table else display_name(Path(source).stem),
             source=table.source if table else display_name(str(source)),
             repairs=repairs, warnings=doubts, same_heater=table.same_heater if table else (), taken=taken,
             rests_at_degC=table.rests_at_degC if table else None, pwm_period_s=sheet.pwm_period_s,
-            cooling_pct=np.maximum(-power, 0.0) if power is not None and cools else None,
-            **series._asdict() | {"power_pct": None if power is None else np.maximum(power, 0.0)},
+            power_late_s=signals["power"].late_s if "power" in signals else 0.0, **columns,
         )
     except OutOfRange as problem:
         raise LogError(str(problem), file=sheet.file) from problem
+
+
+#: role → field of the log
+_FIELDS: Final = {"time": "time_s", "temperature": "temperature_degC", "power": "power_pct",
+                  "setpoint": "setpoint_degC", "disturbance": "disturbance", "ambient": "ambient_degC"}
 
 
 def _errata(table: BuiltIn, sheet: Sheet, apply: bool, doubts: list[str]) -> Sheet:
@@ -494,7 +454,8 @@ def _errata(table: BuiltIn, sheet: Sheet, apply: bool, doubts: list[str]) -> She
 
 def _temperature_unit(
     sheet: Sheet, columns: Columns, settings: ReadSettings, values: Array, repairs: list[str], doubts: list[str]
-) -> TemperatureUnit:
+) -> Signal:
+    """Return how the temperature is written; its values are those of the file, shape (n,)."""
     name, named, given = columns.names["temperature"], columns.unit("temperature"), settings.temperature_unit
     unit, scaled = given or named, is_scaled("temperature", name) and settings.temperature_scale is None
     if settings.temperature_scale is not None:
@@ -503,9 +464,9 @@ def _temperature_unit(
         if unit != "degC":
             repairs.append(f"The temperature is in {unit} {'as stated' if given else 'by its name'} and was converted "
                            "to °C.")
-        return TemperatureUnit(unit, assumed=False)
+        return Signal(values, unit, SIGNS[unit], between=SAMPLES)
     if unit == "degF":
-        return TemperatureUnit(unit, assumed=True, likely="0.1degF")
+        return Signal(values, unit, SIGNS[unit], "", "0.1degF", between=SAMPLES)
     lowest, highest, first = float(np.min(values)), float(np.max(values)), float(values[0])
     least, most = _POSSIBLE_DEGC
     if columns.is_foreign("temperature") or lowest >= _KELVIN or lowest < least or highest > most:
@@ -514,13 +475,13 @@ def _temperature_unit(
     if not scaled and _starts_at_room(values):
         repairs.append(f"The temperature has no unit in the file; taken as °C, because it starts at {first:g}, a room "
                        "temperature only in °C.")
-        return TemperatureUnit("degC", assumed=True, evidence="from a room's temperature")
+        return Signal(values, "degC", SIGNS["degC"], "from a room's temperature", between=SAMPLES)
     repairs.append("The temperature has no unit in the file; taken as °C (otherwise: --temperature-unit).")
     likely = _likely(first, scaled=scaled)
     if _ROOM_DEGF[0] <= first <= _ROOM_DEGF[1] or likely != "degC":
         sign = SIGNS["degF" if likely == "degC" else likely]
         doubts.append(f"The first reading, {first:g}, taken as °C, would be a room temperature in {sign}.")
-    return TemperatureUnit("degC", assumed=True, likely=likely)
+    return Signal(values, "degC", SIGNS["degC"], "", likely, between=SAMPLES)
 
 
 def _by_room(first: float) -> str:
@@ -543,24 +504,22 @@ def _likely(first: float, *, scaled: bool) -> str:
     return next((unit for unit in units if _ROOM_DEGC[0] <= _TO_DEGC[unit](first) <= _ROOM_DEGC[1]), units[0])
 
 
-def _temperature(
-    sheet: Sheet, columns: Columns, role: str, unit: TemperatureUnit, raw: Array, kept: npt.NDArray[np.bool_]
-) -> Array:
-    values = np.asarray(_TO_DEGC[unit.name](raw))
+def _in_degC(sheet: Sheet, columns: Columns, role: str, unit: str, raw: Array, kept: Mask) -> Array:
+    values = np.asarray(_TO_DEGC[unit](raw))
     least, most = _POSSIBLE_DEGC
     for outside, problem in ((values < ABSOLUTE_ZERO_DEGC, "below absolute zero:"),
                              ((values < least) | (values > most), "a temperature that no heater reaches:")):
         rows = np.flatnonzero(kept & outside)
         if len(rows):
             other = "--setpoint-column none" if role == "setpoint" else "--temperature-unit"
-            expected = f"{least:g}…{most:g} °C, here in {unit.name} (else: {other})"
+            expected = f"{least:g}…{most:g} °C, here in {unit} (else: {other})"
             raise cell_error(sheet, columns, role, int(rows[0]), problem, expected)
     return values
 
 
 def _setpoint(
     sheet: Sheet, columns: Columns, unit: str, scale: float, repairs: list[str], role: str = "setpoint"
-) -> tuple[Array | None, int]:
+) -> tuple[Signal | None, int]:
     """Return the setpoint, in the temperature's unit unless its name states another, and the number of filled cells.
 
     With the role "ambient", the same of the room's temperature.
@@ -578,14 +537,14 @@ def _setpoint(
     if own != unit:
         repairs.append(f"The {role} is in {own} by its name.")
     everywhere = np.ones(len(raw), dtype=np.bool_)
-    return _temperature(sheet, columns, role, TemperatureUnit(own, assumed=False), raw, everywhere), filled
+    return Signal(_in_degC(sheet, columns, role, own, raw, everywhere)), filled
 
 
 _SIDE_NAMES: Final = {"cooling": "a cooler", "disturbance": "a disturbance", "ambient": "the room's temperature"}
 _IDLE: Final = 1.0  # %: a controller that heats and cools switches one of them off
 
 
-def _with_cooling(sheet: Sheet, columns: Columns, power: Power | None, repairs: list[str]) -> Power | None:
+def _with_cooling(sheet: Sheet, columns: Columns, power: Signal | None, repairs: list[str]) -> Signal | None:
     """Return the power, below 0 that of a cooler in a column of its own.
 
     Raises:
@@ -593,7 +552,7 @@ def _with_cooling(sheet: Sheet, columns: Columns, power: Power | None, repairs: 
     """
     if "cooling" not in columns.index or power is None:
         return power
-    if np.any(power.percent < 0.0):
+    if np.any(power.values < 0.0):
         repairs.append("The power goes below 0 where it cools; the column of the cooler was not needed.")
         return power
     switched = on_or_off(sheet.columns[columns.index["cooling"]])
@@ -605,14 +564,14 @@ def _with_cooling(sheet: Sheet, columns: Columns, power: Power | None, repairs: 
     for wrong, problem, expected in (
         ((values < 0.0) | (values > full), "power of the cooler out of range:",
          f"0…{full:g}, as the heater's power (else: {other}, in a unit of its own)"),
-        ((values > _IDLE / 100.0 * full) & (power.percent > _IDLE), "heater and cooler are on at once:",
+        ((values > _IDLE / 100.0 * full) & (power.values > _IDLE), "heater and cooler are on at once:",
          f"one of them at 0; a cooler that is no part of the controller is a disturbance: {other}")):
         if len(rows := np.flatnonzero(wrong)):
             raise cell_error(sheet, columns, "cooling", int(rows[0]), problem, expected)
-    return power._replace(percent=np.where(values > 0.0, -100.0 * values / full, power.percent))
+    return power._replace(values=np.where(values > 0.0, -100.0 * values / full, power.values))
 
 
-def _disturbance(sheet: Sheet, columns: Columns, repairs: list[str]) -> tuple[Array | None, int]:
+def _disturbance(sheet: Sheet, columns: Columns, repairs: list[str]) -> tuple[Signal | None, int]:
     """Return the column that the user names as a disturbance, in its own unit, and how many cells were filled.
 
     On and off are 1 and 0; an empty cell is filled as one of the setpoint.
@@ -625,12 +584,12 @@ def _disturbance(sheet: Sheet, columns: Columns, repairs: list[str]) -> tuple[Ar
     switched = on_or_off(sheet.columns[columns.index["disturbance"]])
     if switched is not None:
         repairs.append("The disturbance is on or off; taken as 1 and 0.")
-        return switched, 0
+        return Signal(switched), 0
     values, filled = _held(sheet, columns, "disturbance", repairs)
     if filled == len(values):
         raise LogError("the column of the disturbance is empty", file=sheet.file,
                        column=columns.names["disturbance"], expected="numbers, or on and off in every row")
-    return values, filled
+    return Signal(values), filled
 
 
 def _held(sheet: Sheet, columns: Columns, role: str, repairs: list[str]) -> tuple[Array, int]:

@@ -526,7 +526,7 @@ def _time(sheet: Sheet, asked: TagSelection, unit: str | None) -> tuple[Sheet, t
         sheet = _refined(sheet, place)
     columns = Columns(index={"time": place}, names={"time": _name(sheet, place)})
     sheet, columns = with_dates(sheet, columns, asked.date)
-    return sheet, tuple(columns.index.values()), seconds(sheet, columns, unit, None, [])[0]
+    return sheet, tuple(columns.index.values()), seconds(sheet, columns, unit, None, []).values
 
 
 def _refined(sheet: Sheet, place: int) -> Sheet:
@@ -634,8 +634,8 @@ def _common_s(sheet: Sheet, own: Columns, powers: Sheet, other: Columns, unit: s
             raise LogError("a time that cannot be compared with those of the other file", file=powers.file,
                            line=int(powers.lines[0]), column=other.names["time"], value=second, expected=expected)
     both = sheet.picked(np.zeros(2, dtype=np.intp)).with_column(own.index["time"], [first, second])
-    begins = np.diff(seconds(both, own, unit, None, [])[0])[0]
-    at_s, power_s = (seconds(each, place, unit, None, [])[0] for each, place in ((sheet, own), (powers, other)))
+    begins = np.diff(seconds(both, own, unit, None, []).values)[0]
+    at_s, power_s = (seconds(each, place, unit, None, []).values for each, place in ((sheet, own), (powers, other)))
     for each, place, time in ((sheet, own, at_s), (powers, other, power_s)):
         if len(back := np.flatnonzero(np.diff(time) < 0.0)):
             raise LogError("the time goes backwards", file=each.file, line=int(each.lines[back[0] + 1]),

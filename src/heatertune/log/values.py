@@ -6,7 +6,7 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -21,14 +21,19 @@ if TYPE_CHECKING:
 __all__ = [
     "ABSOLUTE_ZERO_DEGC",
     "BUILT_IN",
+    "EXPLICIT",
+    "HOLD",
     "MIN_SAMPLES",
     "MOST_REPAIRED",
+    "ON_CHANGE",
+    "SAMPLES",
     "UNIT_OPTIONS",
     "BuiltIn",
     "Erratum",
     "Log",
     "Option",
     "ReadSummary",
+    "Signal",
     "built_in",
 ]
 
@@ -186,6 +191,47 @@ class ReadSummary:
             "repaired_share": self.repaired_share, "unused": list(self.unused), "reading": dict(self.reading),
             **({"moving_heaters": list(self.moving_heaters)} if self.moving_heaters else {}),
         }
+
+
+#: how the unit of a signal is known, and what is known between its instants
+EXPLICIT: Final = "said by the file or the user"
+HOLD: Final = "held until the next instant"
+SAMPLES: Final = "sampled"
+ON_CHANGE: Final = "constant until it is written again"
+
+
+class Signal(NamedTuple):
+    """A quantity that a log records, with the evidence for its unit.
+
+    Attributes:
+        values: at each instant, shape (n,) [s, °C, % of full power, a disturbance in its own unit].
+        unit: as the option that states it has it: "min", "0.1degC", the reading at full power.
+        shown: the same for people: "0.1 °C", "0…255", "stamps".
+        evidence: what the unit is known by; "": by nothing, it is assumed.
+        likely: the unit to propose where it is assumed.
+        levels: readings without power and at full power, if the user states both.
+        between: what is known between two instants.
+        late_s: by how much it may have changed before the instant that shows it, in excess of the interval [s].
+    """
+
+    values: Array
+    unit: str = ""
+    shown: str = ""
+    evidence: str = EXPLICIT
+    likely: str = ""
+    levels: tuple[float, float] | None = None
+    between: str = HOLD
+    late_s: float = 0.0
+
+    @property
+    def written(self) -> str:
+        """How the file writes it, and why that is believed if the file does not say it."""
+        return self.shown if self.evidence == EXPLICIT else f"{self.shown}, {self.evidence or 'assumed'}"
+
+    @property
+    def full_scale(self) -> float:
+        """The reading at full power."""
+        return float(self.unit)
 
 
 ABSOLUTE_ZERO_DEGC = -273.15
