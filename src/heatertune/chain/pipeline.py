@@ -36,7 +36,7 @@ from heatertune.plc.design import loop_fit, stated_scaling
 from heatertune.plc.feed_forward import feed_forward as line_for
 from heatertune.plc.targets import GROUPS, TARGETS, target_named
 from heatertune.plc.word_selection import search_document
-from heatertune.processors import ProgressCallback
+from heatertune.processors import ProgressCallback, log_progress
 from heatertune.proof import Proof
 from heatertune.proof.as_left import AS_LEFT_SCHEMA, AsLeft, as_left
 from heatertune.proof.comparison import paper_runs, price_of_doubt, rivals
@@ -233,7 +233,7 @@ def _told(stage: str) -> str:
 def design(
     source: str | Path | Log, request: DesignRequest | None = None, *, out: str | Path | None = None,
     read: ReadSettings | None = None, fitted_with: FitSettings | None = None, force: bool = False,
-    progress: ProgressCallback = str, begun: Worker | None = None, **changed: Unpack[DesignOptions],
+    progress: ProgressCallback = log_progress, begun: Worker | None = None, **changed: Unpack[DesignOptions],
 ) -> ChainResult:
     """Run the whole chain, write every stage's document, the export files and the report.
 

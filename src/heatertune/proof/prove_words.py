@@ -17,7 +17,7 @@ from heatertune.plc.controller import with_cooler
 from heatertune.plc.inputs import has_ends
 from heatertune.plc.pwm import Actuator, in_ticks, switched_by, tick_for
 from heatertune.plc.targets import GROUPS
-from heatertune.processors import ProgressCallback
+from heatertune.processors import ProgressCallback, log_progress
 from heatertune.proof.acceptance import Acceptance, Coverage, Interlock, Run
 from heatertune.proof.criteria import LoopLimits, band_of
 from heatertune.proof.heaters import (
@@ -64,7 +64,7 @@ _IN_BANDS: Final = 2.0
 def prove(
     words: Words, fitted: FittedModel, conditions: Conditions | None = None, *, first_look: bool = False,
     only: Sequence[Run] | None = None, night: str | None = None, night_times: float = 1.0,
-    progress: ProgressCallback = str,
+    progress: ProgressCallback = log_progress,
     **changed: Unpack[ConditionOptions],
 ) -> Proof:
     """Run the words in the closed loop on every candidate model, under every open point of the manual.
