@@ -6,17 +6,24 @@ How long work says what begins.
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Final, TypeVar
 
-__all__ = ["ProgressCallback", "on_one", "processors", "threaded_list", "threaded_map"]
+__all__ = ["ProgressCallback", "log_progress", "on_one", "processors", "threaded_list", "threaded_map"]
 
 
 #: called with a short message when something begins
 ProgressCallback = Callable[[str], object]
+
+
+def log_progress(message: str) -> None:
+    """Give a message to `logging.getLogger("heatertune")` [INFO]; without a handler of the user it costs nothing."""
+    if (logging := sys.modules.get("logging")) is not None:  # who has not imported it has no handler
+        logging.getLogger("heatertune").info(message)
 
 
 _Item = TypeVar("_Item")

@@ -1,6 +1,7 @@
 """Values are saved and loaded again, and are the same: log, model, design, parameters, proof."""
 
 import json
+import logging
 from dataclasses import replace
 
 import numpy as np
@@ -92,3 +93,10 @@ def test_a_value_is_shown_in_one_line_and_its_summary_begins_with_the_point(valu
     assert values["proof"].summary().startswith(values["proof"].verdict)
     assert len(values["model"].summary().splitlines()) <= 30
     assert set(values["model"].notes) <= {line.removeprefix("- ") for line in values["model"].summary(verbose=True).splitlines()}
+
+
+def test_the_functions_log_what_they_begin_for_those_who_listen(values, caplog, monkeypatch):
+    monkeypatch.setenv("HEATERTUNE_CACHE", "")
+    with caplog.at_level(logging.INFO, logger="heatertune"):
+        ht.tune(values["model"], ms=1.45)
+    assert any(record.name == "heatertune" and record.message.startswith("tuning with TA = ") for record in caplog.records)

@@ -352,3 +352,13 @@ def test_the_bar_tells_rate_and_time_left(moving, monkeypatch, capsys):
     quiet = table_options.Bar(argparse.Namespace(quiet=True), "zones")
     quiet(1, 1)
     assert capsys.readouterr().err == ""
+
+
+def test_a_fleet_of_nothing_readable_is_bad_input_and_its_table_has_the_reasons(run, tmp_path):
+    (tmp_path / "logs").mkdir()
+    for name in ("a.csv", "b.csv"):
+        (tmp_path / "logs" / name).write_text("no log at all\n", encoding="utf-8")
+    status, _, err = run("fleet", tmp_path / "logs", "--target", "weg", "-o", tmp_path / "table.csv", "--quiet")
+    assert status == 2
+    assert err == f"error: {tmp_path / 'logs'}: no log that can be read; {tmp_path / 'table.csv'} has the reason of each\n"
+    assert b"a.csv" in (tmp_path / "table.csv").read_bytes()

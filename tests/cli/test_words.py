@@ -76,3 +76,17 @@ def test_an_interval_by_the_words_needs_to_know_whose_words(run):
     status, out, err = run("tune", *HAND, "--sample-time", "words")
     assert (status, out) == (2, "")
     assert "--sample-time words needs --target" in err
+
+
+def test_parameters_are_verified_with_the_controller_and_the_heater_that_lie_next_to_them(by_hand, run, tmp_path):
+    assert run("export-db", by_hand, "--target", "s7-300", "-o", tmp_path / "out")[0] == 0
+    words = tmp_path / "out" / "data" / "words.json"
+    status, out, err = run("verify", words, "--verbose", "--quiet")
+    assert (status, err) == (0, "")
+    assert "VERDICT PASS" in out
+    assert "data/pid.json has the conditions of the design, too." in out
+    (tmp_path / "out" / "data" / "pid.json").unlink()
+    status, _, err = run("verify", words)
+    assert (status, err) == (2, "error: no model: name a model file, or add --gain, --time-constant, --dead-time\n")
+    status, _, err = run("verify", by_hand)
+    assert (status, err) == (2, f"error: {by_hand} names no controller: add --target NAME (see: heatertune targets)\n")

@@ -44,7 +44,8 @@ def test_a_continuous_heater_has_pythons_control_pade():
     assert control.dcgain(ONE.to_ss(sample_time_s=5.0)) == pytest.approx(0.4)
 
 
-@pytest.mark.parametrize("asked", [{}, {"pade": 2, "sample_time_s": 1.0}])
+# neither is a stated order since 0.12.0, as users of python-control expect of a continuous system: tests/chain/test_control_objects.py
+@pytest.mark.parametrize("asked", [{"pade": 2, "sample_time_s": 1.0}])
 def test_a_dead_time_has_to_be_taken_in_one_way(asked):
     with pytest.raises(OutOfRange, match="exact dead time"):
         ONE.to_tf(**asked)

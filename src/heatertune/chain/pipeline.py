@@ -12,6 +12,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
+
 from heatertune import cache
 from heatertune.chain.documents import log_document, read_documents, words_document
 from heatertune.chain.precompile import Worker, work_alongside
@@ -30,12 +32,12 @@ from heatertune.options import Keywords, merge_options, split_options, with_opti
 from heatertune.pid import document as pid_document
 from heatertune.pid.document import DesignProvenance
 from heatertune.pid.values import PidDesign
-from heatertune.plc import Words, controller_for
+from heatertune.plc import Scaling, Words, controller_for
 from heatertune.plc.design import loop_fit, stated_scaling
 from heatertune.plc.feed_forward import feed_forward as line_for
-from heatertune.plc.targets import TARGETS, target_named
+from heatertune.plc.targets import GROUPS, TARGETS, target_named
 from heatertune.plc.word_selection import search_document
-from heatertune.processors import ProgressCallback
+from heatertune.processors import ProgressCallback, log_progress
 from heatertune.proof import Proof
 from heatertune.proof.as_left import AS_LEFT_SCHEMA, AsLeft, as_left
 from heatertune.proof.comparison import paper_runs, price_of_doubt, rivals
@@ -233,7 +235,7 @@ def _told(stage: str) -> str:
 def design(
     source: str | Path | Log, request: DesignRequest | None = None, *, out: str | Path | None = None,
     read: ReadSettings | None = None, fitted_with: FitSettings | None = None, force: bool = False,
-    progress: ProgressCallback = str, begun: Worker | None = None, **changed: Unpack[DesignOptions],
+    progress: ProgressCallback = log_progress, begun: Worker | None = None, **changed: Unpack[DesignOptions],
 ) -> ChainResult:
     """Run the whole chain, write every stage's document, the export files and the report.
 
@@ -258,7 +260,7 @@ def design(
     controller_for(request.target)  # an unknown target is refused before the long part
     with work_alongside(request.target) if begun is None else nullcontext(begun) as second:
         log = source if isinstance(source, Log) else read_log(source, read, errata=True)
-        request = _of_its_heater(request, log)
+        request = _of_its_printer(_of_its_heater(request, log), log)
         progress(_told("fit"))
         fitted = fit(log, fitted_with, companions=True, progress=progress)
         fitted = for_setpoints(fitted, every_setpoint(fitted, request.conditions))
@@ -300,8 +302,23 @@ def _requested(request: DesignRequest | None, keywords: Keywords) -> DesignReque
         **wording)
 
 
+#: of a printer whose log goes above the default range: HEATER_0_MAXTEMP of Marlin and max_temp of Klipper's examples
+#: are 250 to 300 °C
+_PRINTER_DEGC: Final = (0.0, 300.0)
+
+
+def _of_its_printer(request: DesignRequest, log: Log) -> DesignRequest:
+    """Return the request with the sensor range of a printer, where none is stated and the default one is too narrow."""
+    columns = [each for each in (log.temperature_degC, log.setpoint_degC) if each is not None]
+    hottest = max(float(np.max(each)) for each in columns)
+    if request.target not in GROUPS["printer"] or request.scaling is not None or hottest < Scaling().high_degC:
+        return request
+    low, high = _PRINTER_DEGC
+    return replace(request, scaling=Scaling(low_degC=low, high_degC=high))
+
+
 def _of_its_heater(request: DesignRequest, log: Log) -> DesignRequest:
-    """Return the request with the heater of a printer that the user named when the log was read (`--tag`)."""
+    """Return the request with the heater of a printer that the log is of, stated (`--tag`) or the one that was read."""
     open_ = next((each for each in controller_for(request.target).switches if each.name == "heater"), None)
     tag = None if log.taken is None else log.taken.reading.get("tag")
     known = request.conditions.switches

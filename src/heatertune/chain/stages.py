@@ -22,7 +22,7 @@ from heatertune.plc.design import encode as round_words
 from heatertune.plc.design import stated_scaling
 from heatertune.plc.targets import target_named
 from heatertune.plc.word_selection import choose_words
-from heatertune.processors import ProgressCallback
+from heatertune.processors import ProgressCallback, log_progress
 from heatertune.proof import Proof
 from heatertune.proof.known_controller_check import closed_again, controllers
 from heatertune.proof.words_file import certificate
@@ -52,15 +52,15 @@ def fit(data: SeveralZones, **changed: Any) -> Any: ...
 @overload
 def fit(
     data: Log | str | Path | IO[Any] | DataFrame | tuple[npt.ArrayLike, ...], settings: FitSettings | None = None, *,
-    read: ReadSettings | None = None, thorough: bool = False, companions: bool = True, progress: ProgressCallback = str,
-    **changed: Unpack[LogFitOptions],
+    read: ReadSettings | None = None, thorough: bool = False, companions: bool = True,
+    progress: ProgressCallback = log_progress, **changed: Unpack[LogFitOptions],
 ) -> FittedModel: ...
 @with_options(FitSettings, ReadSettings)
 def fit(
     data: Log | SeveralZones | str | Path | IO[Any] | DataFrame | tuple[npt.ArrayLike, ...],
     settings: FitSettings | None = None, *,
-    read: ReadSettings | None = None, thorough: bool = False, companions: bool = True, progress: ProgressCallback = str,
-    **changed: Any,
+    read: ReadSettings | None = None, thorough: bool = False, companions: bool = True,
+    progress: ProgressCallback = log_progress, **changed: Any,
 ) -> Any:
     """Identify the heater of a log; without power, the fit simulates the paper's control laws.
 
@@ -93,7 +93,7 @@ def fit(
 
 @with_options(FitSettings)
 def fit_together(
-    logs: Sequence[Log], settings: FitSettings | None = None, *, progress: ProgressCallback = str,
+    logs: Sequence[Log], settings: FitSettings | None = None, *, progress: ProgressCallback = log_progress,
     **changed: Unpack[FitOptions],
 ) -> FittedModel:
     """Identify the one heater behind several logs, all with power or all without; arguments as in `fit`.
@@ -116,7 +116,7 @@ def fit_together(
 @with_options(FitSettings)
 def fit_known(
     log: Log, words: Words, settings: FitSettings | None = None, *, setpoint_degC: float | None = None,
-    known: Mapping[str, str] | None = None, progress: ProgressCallback = str,
+    known: Mapping[str, str] | None = None, progress: ProgressCallback = log_progress,
     **changed: Unpack[FitOptions],
 ) -> FittedModel:
     """Identify the heater of a log without power but with a known controller.

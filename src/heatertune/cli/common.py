@@ -404,7 +404,8 @@ def design_request(settings: argparse.Namespace) -> DesignRequest:
     by, tuning = options.of(WordSettings, settings), options.of(TuneSettings, settings)
     refuse_contradictions(tuning)
     return DesignRequest(
-        target=target(settings), scaling=scaling(settings), tune_settings=tuning,
+        target=target(settings), tune_settings=tuning,
+        scaling=scaling(settings) if options.provided_options(SensorSettings, settings) else None,
         conditions=conditions(settings), interval_by_words=interval_by_words(settings), words_by=by.words_by,
         refined=by.refined, setpoint_ramp=by.setpoint_ramp, boost=by.boost, switch_kind=by.switch_kind,
         as_is=by.as_is, sample_settings=options.of(SampleSettings, settings))

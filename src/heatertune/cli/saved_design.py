@@ -127,13 +127,13 @@ def proof_source(settings: argparse.Namespace) -> ProofSource:
 
 
 def _model_of_words(settings: argparse.Namespace) -> tuple[FittedModel, tuple[str, ...]]:
-    """Return the model by its numbers, else the model.json next to the parameters, and a note on what was taken."""
-    beside = Path(settings.pid).with_name("model.json")
-    if common.by_hand(settings) or not beside.exists():
+    """Return the model by its numbers, else that of the design next to the parameters, and a note on what was taken."""
+    sources = [path for name in ("model.json", "pid.json") if (path := Path(settings.pid).with_name(name)).exists()]
+    if common.by_hand(settings) or not sources:
         return common.model_from(settings, None), ()
-    design = Path(settings.pid).with_name("pid.json")
-    also = f"; {design} has the conditions of the design, too" if design.exists() else ""
-    return common.model_from(settings, str(beside)), (f"Proven on the heaters of {beside}{also}.",)
+    design = sources[-1]
+    also = f"; {design} has the conditions of the design, too" if design.name == "pid.json" else ""
+    return common.model_from(settings, str(sources[0])), (f"Proven on the heaters of {sources[0]}{also}.",)
 
 
 def target_in(path: str) -> str:

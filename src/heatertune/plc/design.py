@@ -17,7 +17,7 @@ from heatertune.pid import document as pid_document
 from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, Words, controller_for
 from heatertune.plc.targets import target_named
-from heatertune.processors import ProgressCallback
+from heatertune.processors import ProgressCallback, log_progress
 from heatertune.settings import SensorSettings, TuneSettings
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ _TOLD: Final = ("residuals", "notes", "hypotheses", "whiteness", "input_crosscor
 def tune(
     fitted: FittedModel | HeaterModel | TransferFunction, settings: TuneSettings | None = None, *,
     target: str | None = None,
-    scaling: Scaling | None = None, progress: ProgressCallback = str, **changed: Unpack[TargetTuneOptions],
+    scaling: Scaling | None = None, progress: ProgressCallback = log_progress, **changed: Unpack[TargetTuneOptions],
 ) -> PidDesign:
     """Find K, TN, TV and TA; with a target, TA is what its timer can do, and a reading as fine as its input's.
 

@@ -17,7 +17,8 @@ from heatertune.plc import Words, controller_for
 from heatertune.plc.controller import with_cooler
 from heatertune.plc.inputs import has_ends
 from heatertune.plc.pwm import Actuator, in_ticks, switched_by, tick_for
-from heatertune.processors import ProgressCallback
+from heatertune.plc.targets import GROUPS
+from heatertune.processors import ProgressCallback, log_progress
 from heatertune.proof.acceptance import Acceptance, Coverage, Interlock, Run
 from heatertune.proof.criteria import LoopLimits, band_of
 from heatertune.proof.heaters import (
@@ -67,7 +68,7 @@ _IN_BANDS: Final = 2.0
 def prove(
     words: Words, fitted: FittedModel, conditions: Conditions | None = None, *, first_look: bool = False,
     only: Sequence[Run] | None = None, night: str | None = None, night_times: float = 1.0,
-    progress: ProgressCallback = str,
+    progress: ProgressCallback = log_progress,
     **changed: Unpack[ConditionOptions],
 ) -> Proof:
     """Run the words in the closed loop on every candidate model, under every open point of the manual.
@@ -303,7 +304,8 @@ def _remarks(words: Words, fitted: FittedModel, asked: Conditions, setpoints_deg
     if range_is_unknown(fitted, setpoints_degC):
         yield "the model does not contain the logged range (fit the log again)"
     if (delay := controller_for(words.target).delayed_s(words.scaling)) > 0.0:
-        yield f"dead time {delay:g} s longer, for the input module"
+        own = words.target in (*GROUPS["printer"], *GROUPS["maker"])  # a thermistor and a pin, no module
+        yield f"dead time {delay:g} s longer, for the {'sensor reading and the output' if own else 'input module'}"
     if (cooling := controller_for(words.target).cooling) is not None:
         told = asked.cooling_gain is not None
         yield (f"the power of the cooler was entered as {asked.cooling_gain:g} times that of the heater" if told else

@@ -11,6 +11,7 @@ from heatertune.codec import Document, construct_from, decode, encode
 from heatertune.errors import DocumentError, InputError, UnknownName
 from heatertune.model.findings import KINDS, Finding, remedy_of
 from heatertune.model.statistics import share_bounds
+from heatertune.plc.targets import GROUPS
 from heatertune.proof.heaters import ROOM_DEGC
 from heatertune.proof.profile import Profile
 from heatertune.proof.ripple_and_wear import life
@@ -20,8 +21,8 @@ from heatertune.units import count
 __all__ = [
     "ASSUMED", "BREAKS_NONE", "FIRST", "NOT_PROVEN", "PROOF_SCHEMA", "FitDiagnostics", "FitDiagnosticsView",
     "blocking_findings", "closing_text", "combined_verdict", "derived_verdict", "extent", "relaxed_clause",
-    "relaxed_of", "sample_lines", "samples_told", "switching_lines", "told_by_kind", "told_of",
-    "verdict_brief", "verdict_details", "verdict_first", "verdict_line", "verdict_of_samples",
+    "relaxed_of", "sample_lines", "samples_told", "switching_lines", "told_by_kind", "told_of", "verdict_brief",
+    "verdict_details", "verdict_first", "verdict_line", "verdict_of_samples", "wear_text",
 ]
 
 #: of a proof's document; those of the first did not hear the fit, of the second not what goes wrong in use
@@ -280,11 +281,19 @@ def told_by_kind(proof: Document) -> dict[str, list[str]]:
 
 
 def switching_lines(proof: Document) -> list[str]:
-    """Return how often the heater is switched, and what that means for a contactor."""
+    """Return how often the heater is switched, and what that means for what switches it."""
     if (often := proof["criteria"].get("switchings")) is None:
         return []
     per_hour = math.inf if often["value"] is None else often["value"]
-    return [f"{per_hour:.0f} switchings/h (a contactor lasts {life('contactor', per_hour)})"]
+    return [f"{per_hour:.0f} switchings/h ({wear_text(proof.get('target', ''), per_hour)})"]
+
+
+def wear_text(target: str, per_hour: float) -> str:
+    """Return how long a switch lasts that is usual behind a controller; a printer's is a transistor."""
+    if target in GROUPS["printer"]:
+        return "a MOSFET does not wear"
+    kind = "relay" if target in GROUPS["maker"] else "contactor"
+    return f"a {kind} lasts {life(kind, per_hour)}"
 
 
 def verdict_first(proof: Document) -> dict[str, Any]:

@@ -18,7 +18,6 @@ from heatertune.plc.targets import REPAIRED
 from heatertune.proof.criteria import CRITERION
 from heatertune.proof.heaters import BY_CURVE
 from heatertune.proof.long_outage import JUDGED
-from heatertune.proof.ripple_and_wear import life
 from heatertune.proof.verdict import (
     BREAKS_NONE,
     blocking_findings,
@@ -27,6 +26,7 @@ from heatertune.proof.verdict import (
     sample_lines,
     told_by_kind,
     verdict_of_samples,
+    wear_text,
 )
 from heatertune.report.layout import (
     LINES,
@@ -237,7 +237,7 @@ def _worst(proof: Document) -> list[str]:
     if often is not None and often["limit"] is None:
         per_hour = math.inf if often["value"] is None else often["value"]
         rows.append(("switchings", f"{per_hour:.0f}{unit_text(often['unit'])}", "none",
-                     f"a contactor lasts {life('contactor', per_hour)}"))
+                     wear_text(proof.get("target", ""), per_hour)))
     return table(rows, right=(1,)).splitlines()
 
 

@@ -68,7 +68,8 @@ def _klippy(path: Path, numbered: Sequence[Line], tag: str | None) -> FormatTabl
     best = max(range(len(parts)), key=lambda k: (_movement(parts[k]), len(parts[k])))
     return FormatTable(
         header, [reading.cells for reading in readings], [reading.line for reading in readings], repairs,
-        tuple(part[0].line for part in parts) if len(parts) > 1 else (), best + 1 if len(parts) > 1 else None)
+        tuple(part[0].line for part in parts) if len(parts) > 1 else (), best + 1 if len(parts) > 1 else None,
+        part="" if tag else wanted)
 
 
 def _sessions(readings: Sequence[_StatsReading]) -> list[list[_StatsReading]]:
