@@ -148,6 +148,17 @@ def test_a_setpoint_that_the_neighbours_exceed_fails_and_says_why():
     assert "its neighbours heat it beyond its setpoint" in proof.summary()
 
 
+def test_a_finding_blocks_until_it_is_accepted_and_its_remedy_is_one_for_zones():
+    network = chain(2, 1.0)
+    fitted = replace(network_by_hand(network), highest_degC=(45.0, 45.0))
+    spec = specification_for(fitted, 60.0, Conditions())
+    design = separate((5.0,) * 2, (60.0,) * 2)
+    proof = prove_zones(design, fitted, spec)
+    assert proof.verdict == "NOT PROVEN"
+    assert "(--zone-setpoints), or --accept beyond-the-log" in proof.summary()
+    assert prove_zones(design, fitted, spec, Conditions(accept=("beyond-the-log",))).verdict == "PASS"
+
+
 def test_general_limits_are_used():
     fitted = network_by_hand(chain(2, 1.0))
     assert specification_for(fitted, 60.0, Conditions()).limits == preset("general").limits_for(252.0)

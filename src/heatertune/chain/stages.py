@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, Literal, Protocol, overload, runtime_checkable
+from typing import IO, TYPE_CHECKING, Any, Literal, Protocol, cast, runtime_checkable
 
 from heatertune import cache
 from heatertune.errors import ExportRefused, InputError
@@ -47,21 +47,13 @@ class SeveralZones(Protocol):
         """Return the thermal network of the zones."""
 
 
-@overload
-def fit(data: SeveralZones, **changed: Any) -> Any: ...
-@overload
-def fit(
-    data: Log | str | Path | IO[Any] | DataFrame | tuple[npt.ArrayLike, ...], settings: FitSettings | None = None, *,
-    read: ReadSettings | None = None, thorough: bool = False, companions: bool = True,
-    progress: ProgressCallback = log_progress, **changed: Unpack[LogFitOptions],
-) -> FittedModel: ...
 @with_options(FitSettings, ReadSettings)
 def fit(
     data: Log | SeveralZones | str | Path | IO[Any] | DataFrame | tuple[npt.ArrayLike, ...],
     settings: FitSettings | None = None, *,
     read: ReadSettings | None = None, thorough: bool = False, companions: bool = True,
-    progress: ProgressCallback = log_progress, **changed: Any,
-) -> Any:
+    progress: ProgressCallback = log_progress, **changed: Unpack[LogFitOptions],
+) -> FittedModel:
     """Identify the heater of a log; without power, the fit simulates the paper's control laws.
 
     Args:
@@ -80,7 +72,8 @@ def fit(
         InputError, OutOfRange: as `heatertune.model.fit.fit` and `log_of`; options of a file for data that are none.
     """
     if isinstance(data, SeveralZones):
-        return data.fit_zones(**changed)
+    if isinstance(data, SeveralZones):
+        return cast("FittedModel", data.fit_zones(**changed))  # for the checker: fit_network tells the type
     fitting, reading = split_options(
         changed, FitSettings, ReadSettings, also=("settings", "read", "thorough", "companions", "progress"))
     asked, log = merge_options(FitSettings, settings, fitting), _log(data, read, reading)

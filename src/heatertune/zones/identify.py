@@ -82,14 +82,14 @@ class ParameterLayout(NamedTuple):
         return own, exchange
 
     def case(self, values: Array) -> tuple[Modes, Array, Array]:
-        """Return what `simulate_many` takes."""
+        """Return what `simulate_many` takes, of parameters of shape (p,)."""
         own, exchange = self.parts(values)
         second = np.exp(own[:, 5]) if self.second else np.zeros(self.size)
         modes = modes_of(np.exp(own[:, 0]), np.exp(own[:, 1]), own[:, 3], exchange, second)
         return modes, own[:, 2], own[:, 4]
 
     def network(self, zones: tuple[str, ...], values: Array) -> ThermalNetwork:
-        """Return the network of parameters; a coupling or dead time below 0 is 0."""
+        """Return the network of parameters of shape (p,); a coupling or dead time below 0 is 0."""
         own, exchange = self.parts(values)
         return ThermalNetwork(
             zones=zones, gains_degC_per_pct=tuple(np.exp(own[:, 0])), time_constants_s=tuple(np.exp(own[:, 1])),

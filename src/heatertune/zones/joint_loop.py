@@ -107,7 +107,7 @@ class JointTrace:
     overflows: int
 
     def heaters_on(self, from_s: float = 0.0) -> tuple[Array, Array]:
-        """Return the instants at which a heater is switched from an instant on, and how many are on after each."""
+        """Return the instants from one on at which a heater is switched, and how many are on then, shape (m,)."""
         edges = sorted([(begin, 1) for _, begin, end in self.pulses if end > from_s]
                        + [(end, -1) for _, _, end in self.pulses if end > from_s])
         if not edges:

@@ -45,6 +45,12 @@ _BEYOND: Final = 1.1  # times the logged rise that a setpoint may be above the a
 _IDLE_PCT: Final = 1.0  # power that a zone needs at least to hold its setpoint
 _NOT_TESTED: Final = ("a sensor that breaks", "mains that change while the zones run", "a setpoint profile")
 _COOLS: Final = 3.0  # time constants in which an overheated zone cools down
+_STEPS: Final = ("log a step of each zone's power, one after the other, each until all temperatures are steady, with "
+                 "doors and fans unchanged")
+#: finding → its remedy for zones, where that of one heater is another
+_REMEDIES: Final = {
+    "beyond-the-log": "log up to the setpoint, or choose setpoints that the log covers (--zone-setpoints)",
+    **dict.fromkeys(("poor-fit", "unexplained-by-power", "contradicted"), _STEPS)}
 _ORDERS: Final = 100  # of the zones' pulses tried at random
 _ATTEMPTS: Final = 4  # designs that are proven, each detuned further
 
@@ -183,7 +189,7 @@ class JointProof:
         lines += [f"not kept: {each.name} {each.value:.4g}, limit {each.limit:.4g} ({each.where})"
                   for each in self.criteria if not each.ok]
         for each in self.blocking:
-            remedy = remedy_of(each.name, [])
+            remedy = _REMEDIES.get(each.name) or remedy_of(each.name, [])
             lines.append(f"not proven ({each.name}): {each.message}; {remedy}, or --accept {each.name}")
         lines += [f"accepted: {KINDS[name].short}" for name in self.accepted]
         lines += [f"not tested: {', '.join(self.not_tested)}"] if self.not_tested else []

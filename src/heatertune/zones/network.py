@@ -184,7 +184,15 @@ class ThermalNetwork:
 
 
 def modes_of(gains: Array, lags_s: Array, ambients_degC: Array, exchange: Array, second_s: Array) -> Modes:
-    """Return the modes of a network, see `ThermalNetwork`; `exchange` may have entries below 0 during a fit."""
+    """Return the modes of a network, see `ThermalNetwork`.
+
+    Args:
+        gains: of the zones, shape (n,) [°C/%].
+        lags_s: of the zones, shape (n,) [s].
+        ambients_degC: shape (n,) [°C].
+        exchange: shape (n, n); during a fit it may have entries below 0.
+        second_s: lag of each zone's element, shape (n,); 0: none [s].
+    """
     n, elements = len(gains), np.flatnonzero(second_s > 0.0)
     size = n + len(elements)
     states, powers, constant = np.zeros((size, size)), np.zeros((size, n)), np.zeros(size)
@@ -213,7 +221,7 @@ class ZonePower(NamedTuple):
 
     @classmethod
     def from_rows(cls, time_s: Array, power_pct: Array) -> ZonePower:
-        """Return the course of a power that each row holds up to the next."""
+        """Return the course of a power that each row holds up to the next; both of shape (N,)."""
         changed = np.flatnonzero(np.diff(power_pct)) + 1
         return cls(float(power_pct[0]), time_s[changed], np.diff(power_pct)[changed - 1])
 
@@ -221,7 +229,15 @@ class ZonePower(NamedTuple):
 def simulate_network(
     modes: Modes, dead_times_s: Array, start_degC: Array, time_s: Array, courses: Sequence[ZonePower]
 ) -> Array:
-    """Return the temperatures of all zones at the instants, shape (len(time_s), n) [°C]; see `simulate_many`."""
+    """Return the temperatures of all zones at the instants, shape (len(time_s), n) [°C]; see `simulate_many`.
+
+    Args:
+        modes: of the network.
+        dead_times_s: of the zones, shape (n,) [s].
+        start_degC: temperatures at the first instant, shape (n,) [°C].
+        time_s: instants, increasing, shape (N,) [s].
+        courses: power of each zone.
+    """
     (temperatures,) = simulate_many([(modes, dead_times_s, start_degC)], time_s, courses)
     return np.asarray(temperatures)
 
