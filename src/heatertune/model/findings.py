@@ -87,8 +87,8 @@ KINDS: Final[dict[str, FindingKind]] = {
         "blocks", "not every plausible heater can hold the setpoint", "log closer to the setpoint, or lower it"),
     "beyond-the-log": FindingKind(
         "blocks", "a setpoint lies beyond the logged temperatures",
-        "log up to the setpoint (heatertune plan MODEL --limit-temperature), or two powers up to half of it, each until "
-        "it rests; or choose one that the log covers (--setpoint)", by_case=True),
+        "log up to the setpoint (heatertune plan MODEL --limit-temperature), or two powers up to half of it, each "
+        "until it rests; or choose one that the log covers (--setpoint)", by_case=True),
     "coarse-sensor": FindingKind(
         "blocks", "the sensor is too coarse for the requested tolerance",
         "use a narrower sensor range (--range) or a finer input module, or a wider tolerance (--tolerance)"),
