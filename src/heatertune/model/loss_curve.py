@@ -24,12 +24,13 @@ from heatertune.model.values import Candidate, FittedModel, Fopdt, HeaterModel, 
 
 __all__ = [
     "LossFopdt", "LossTwoLag", "for_setpoints", "has_loss_curve", "heater_with_loss", "loss_above",
-    "loss_numbers", "rest_degC", "slower_cooling", "steady_power_pct", "top_degC", "working_values",
+    "loss_numbers", "rest_degC", "same_beyond", "slower_cooling", "steady_power_pct", "top_degC", "working_values",
 ]
 
 _HALVINGS: Final = 60
 _HOTTEST_DEGC: Final = 5000.0
 _FOR_EVER: Final = 1e30  # [s]
+_SAME_POWER: Final = 0.01
 
 
 def _tangent(model: LossFopdt | LossTwoLag, degC: float) -> HeaterModel:
@@ -180,6 +181,17 @@ def rest_degC(model: HeaterModel, power_pct: float, room_degC: float) -> float:
         reached = loss_at(middle, room, loss)[0] < power_pct * model.gain_degC_per_pct
         low, high = (middle, high) if reached else (low, middle)
     return low
+
+
+def same_beyond(first: HeaterModel, second: HeaterModel) -> bool:
+    """Return whether two loss curves need the same power at twice the rise of their chord, within 1 %.
+
+    Of linear heaters there is nothing to compare: True.
+    """
+    if first.loss is None or second.loss is None:
+        return first.loss is second.loss
+    far = 2.0 * first.loss.at_degC - _room(first)
+    return abs(steady_power_pct(first, far) / steady_power_pct(second, far) - 1.0) < _SAME_POWER
 
 
 def slower_cooling(model: HeaterModel, degC: float) -> float:

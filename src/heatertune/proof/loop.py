@@ -298,8 +298,8 @@ _WITH_LOSS: Final[dict[str, Callable[..., Any]]] = {
     "unchanged": tangent, "is_linear": with_loss, "next_event": next_with_tangent, "keep_nothing": keep_tangent}
 
 
-def _runs_with_loss(given: tuple[Any, ...]) -> bool:
-    return any(have_loss(each.plants) for each in given if isinstance(each, LoopBatch))
+def _runs_with_loss(arguments: tuple[Any, ...]) -> bool:
+    return any(have_loss(each.plants) for each in arguments if isinstance(each, LoopBatch))
 
 
 def run_compiled(core: StepFunctions, given: tuple[Any, ...]) -> tuple[int, int]:

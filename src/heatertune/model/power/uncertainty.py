@@ -20,6 +20,7 @@ import numpy.typing as npt
 
 from heatertune.arrays import Array
 from heatertune.log.values import Log
+from heatertune.model.loss_curve import same_beyond
 from heatertune.model.power.load_steps import bic_of
 from heatertune.model.power.open_loop import FAR, FixedUnknowns, PowerFit, PowerProblem
 from heatertune.model.power.regressors import AMBIENT, GAIN
@@ -512,7 +513,7 @@ def told_apart(candidates: Sequence[Candidate], least_dead_time_s: float) -> tup
 
 
 def _alike(first: HeaterModel, second: HeaterModel, least_dead_time_s: float) -> bool:
-    if len(first.lags_s) != len(second.lags_s):
+    if len(first.lags_s) != len(second.lags_s) or not same_beyond(first, second):
         return False
     pairs = zip(_numbers(first, least_dead_time_s), _numbers(second, least_dead_time_s), strict=True)
     return all(abs(a - b) <= _SAME * max(abs(a), abs(b)) for a, b in pairs)
