@@ -1,13 +1,24 @@
 """What the judge of days in any order sees, on heaters and words written out here."""
 
 import math
+import re
 import shutil
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from heatertune.model.values import TwoLag, model_by_hand
+from heatertune.plc import Boost, Scaling, Words, controller_for
+from heatertune.plc.open_points import settings_to_prove
+from heatertune.plc.single_precision import single
+from heatertune.proof.prove_words import prove
+from heatertune.settings import Conditions
+from tests.bench import second_opinion
 from tests.bench.any_order import FINE, DayWriter, broken, compiled
+from tests.bench.false_passes import _limits
+from tests.bench.outages import bench_of, low_overshoots
 from tests.bench.second_opinion import SWITCHES, Bench
 
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler, cc")
@@ -68,3 +79,22 @@ def test_events_fall_between_the_scans_and_in_all_phases_of_one():
     phases = {end % FINE for end in day.ends}
     assert len(day.parts) > 60
     assert len(phases) > FINE // 2
+
+
+def test_the_proof_tells_what_an_open_circuit_below_the_stated_setpoint_does(tmp_path):
+    # 14 % of the power hold 42.96 °C, and ESPHome's I part fills up to all of it while the circuit is open
+    heater = TwoLag(gain_degC_per_pct=0.66, time_constant_s=467.0, second_time_constant_s=57.0, dead_time_s=23.0, ambient_degC=30.0)
+    values = {"kp": single(0.0412), "ki": single(9.69e-5), "kd": 0.0, "min_integral": 0.0, "max_integral": 1.0,
+              "derivative_averaging_samples": 1, "update_interval": 9000}
+    words = Words(target="esphome", values=values, scaling=Scaling(), sample_time_s=9.0,
+                  boost=Boost(within_degC=single(6.07), again_degC=single(9.11)))
+    conditions = Conditions(setpoint_degC=46.2)
+    proof = prove(words, model_by_hand(heater), conditions)
+    (told,) = proof.diagnostics.findings
+    assert (proof.verdict, told.name) == ("PASS", "outage-below")
+    benches = [bench_of(heater, SimpleNamespace(proof=proof, conditions=conditions), settings)
+               for settings in settings_to_prove(controller_for("esphome").switches)]
+    judge, limits = second_opinion.compiled(tmp_path), _limits(proof.limits) | {"iae": math.inf}
+    seen = max(low_overshoots(judge, b, limits, 42.96)[0][0] for b in benches)  # at the rated power, which is told first
+    assert seen > 1.02
+    assert float(re.search(r"overshoots by ([\d.]+) %", told.message)[1]) == pytest.approx(40.0 * seen, rel=0.03)

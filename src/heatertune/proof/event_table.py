@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from heatertune.proof.long_outage import BRIEF, HEAT_UP, LONGER, LOW, PART, RISING, WARM
+from heatertune.proof.long_outage import BELOW, BRIEF, HEAT_UP, LONGER, LOW, PART, RISING, WARM
 
 __all__ = ["CONDITIONS", "EVENTS", "EXCLUDED", "MAINS_LABELS", "NOT_RUN", "Condition", "EventKind", "Exclusion"]
 
@@ -79,7 +79,7 @@ _OPEN = "open circuit"
 
 EVENTS: Final = (
     EventKind(name="heat-up", state="cold", sizes="to the highest setpoint", phases=("heat-up",)),
-    EventKind(name="heat-up to a lower setpoint", state="cold", sizes="to the lowest setpoint and those above it",
+    EventKind(name="heat-up to a lower setpoint", state="cold", sizes="to the lowest of a stated range, and above",
               phases=("restart",), runs="nearest", finding=HEAT_UP),
     EventKind(name="cold goods", state=_REST, sizes="30 % of the rise above ambient, at once", phases=("recovery",)),
     EventKind(name="load", state=_REST, sizes="10 % of full power is taken away, and given back", phases=("recovery",)),
@@ -89,8 +89,10 @@ EVENTS: Final = (
               runs="nearest", finding=LONGER),
     EventKind(name="shorter open circuit", state=_REST, sizes="12 to 96 lengths around the one that integrates most",
               phases=("off", "reheat"), runs="nearest", finding=BRIEF),
-    EventKind(name="open circuit at a lower setpoint", state="at rest at a lower setpoint", sizes="as above",
+    EventKind(name="open circuit in a stated range", state="at rest at a lower setpoint", sizes="as above",
               phases=("off", "reheat"), runs="nearest", finding=LOW),
+    EventKind(name="open circuit below a stated setpoint", state="at rest, a fifth of the rise lower",
+              sizes="as above; told, it blocks nothing", phases=("off", "reheat"), runs="nearest", finding=BELOW),
     EventKind(name="setpoint falls and rises during an open circuit", state=_OPEN,
               sizes="it rises as the reading arrives at the lower one", phases=("off", "reheat"), runs="nearest",
               finding=RISING),

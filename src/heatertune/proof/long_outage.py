@@ -4,8 +4,9 @@ How a controller integrates decides which length of an open circuit, or which se
 methods of `OutageTiming` explain which lengths are tried. An independent search on sampled designs
 (tests/bench/outages.py) confirmed them.
 
-Open circuits and heat-ups from cold are also run at lower setpoints: they need less power, so full power overshoots
-them more. These are several ones of a stated range; without a range, the lower one of the test sequence.
+If the user stated a range of setpoints, open circuits and heat-ups from cold are also run at lower setpoints: they need
+less power, so full power overshoots them more. Without a range, open circuits are run at the lower setpoint of the test
+sequence, and what they show is told: the verdict speaks of the stated setpoint.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from heatertune.proof.verdict import FitDiagnostics
 from heatertune.units import written
 
 __all__ = [
-    "BRIEF", "HEAT_UP", "JUDGED", "LONGER", "LOW", "OF_RANGE", "OVERSHOOTS", "PART", "RISING", "WARM",
+    "BELOW", "BRIEF", "HEAT_UP", "JUDGED", "LONGER", "LOW", "OF_RANGE", "OVERSHOOTS", "PART", "RISING", "WARM",
     "LongOutage", "OutageTiming", "briefly", "heat_up", "lengthen", "nights_of", "sums_up", "unmended", "winds_up",
     "wound",
 ]
@@ -104,7 +105,7 @@ class OutageTiming(NamedTuple):
         little to integrate much. Intermediate setpoints are therefore included, the same ones for every lowest
         setpoint: a wider range then contains all setpoints of a smaller one except its lowest.
 
-        Where no range is stated, it is the lower setpoint of the test sequence's own: the verdict speaks of both.
+        If no range is stated, it is the lower setpoint of the test sequence.
         """
         low_degC, setpoint_degC = self.scenario.lower_setpoint_degC, self.scenario.setpoint_degC
         if low_degC is None:
@@ -253,6 +254,8 @@ LONGER, RISING, WARM, PART = "winds-up", "stays-at-limit", "warm-restart", "part
 #: a shorter open circuit than that of the test sequence
 BRIEF: Final = "briefly-open"
 LOW: Final = "low-outage"
+#: the same without a stated range: it is told, and blocks nothing
+BELOW: Final = "outage-below"
 HEAT_UP: Final = "low-heat-up"
 #: limits broken there are of the test sequence's kind, and other gains may help
 _MENDED: Final = frozenset({LOW, HEAT_UP, BRIEF, WARM, PART})
@@ -260,8 +263,8 @@ _MENDED: Final = frozenset({LOW, HEAT_UP, BRIEF, WARM, PART})
 OF_RANGE: Final = frozenset({LOW, HEAT_UP, PART})
 #: name of the finding → criteria that select the hardest run
 OVERSHOOTS: Final = {
-    LONGER: _REHEATED, RISING: _REHEATED, LOW: _REHEATED, HEAT_UP: _HEATED, BRIEF: _REHEATED, WARM: _RESTARTED,
-    PART: _CHANGED}
+    LONGER: _REHEATED, RISING: _REHEATED, LOW: _REHEATED, BELOW: _REHEATED, HEAT_UP: _HEATED, BRIEF: _REHEATED,
+    WARM: _RESTARTED, PART: _CHANGED}
 #: name of the finding → criteria that count
 JUDGED: Final = {**OVERSHOOTS, LONGER: (*_REHEATED, _RETURN, _GROWTH), RISING: (*_REHEATED, _RETURN)}
 _KEPT_AT_HIGHEST: Final = "the limit is kept at the highest setpoint"
@@ -358,7 +361,7 @@ def nights_of(
         return
     if warm_s:
         yield from _restarted(scenario, warm_s)
-    if lower_s:
+    if lower_s and scenario.setpoint_low_degC is not None:
         yield _cold_at_lower_setpoints(scenario, _downwards(lower_s, scenario), models)
     if lows_degC:
         yield from _changed_in_part(scenario, lows_degC)
@@ -489,7 +492,8 @@ def _at_lower_setpoints(scenario: Scenario, number: int, lengths_s: Mapping[floa
             time_s += length_s + back_s
     lower = replace(scenario, disturbances=tuple(events), rests_s=tuple(rests), duration_s=time_s)
     every_s = sorted(length_s for shorter_s in lengths_s.values() for length_s in shorter_s)
-    return LongOutage(LOW, lower, f"After {_minutes(every_s)} with an open circuit at {_degrees(lengths_s)} °C",
+    name = BELOW if scenario.setpoint_low_degC is None else LOW
+    return LongOutage(name, lower, f"After {_minutes(every_s)} with an open circuit at {_degrees(lengths_s)} °C",
                       f"; {_KEPT_AT_HIGHEST}")
 
 
@@ -558,7 +562,7 @@ def _arrives_s(model: HeaterModel, low_degC: float, ambient_degC: float) -> floa
 
 def wound(diagnostics: FitDiagnostics) -> set[str]:
     """Return which of these were found, and not accepted by the user."""
-    return {finding.name for finding in diagnostics.findings} & set(JUDGED) - set(diagnostics.accepted)
+    return {finding.name for finding in diagnostics.findings} & set(JUDGED) - {BELOW, *diagnostics.accepted}
 
 
 def winds_up(diagnostics: FitDiagnostics) -> bool:
