@@ -72,7 +72,6 @@ def fit(
         InputError, OutOfRange: as `heatertune.model.fit.fit` and `log_of`; options of a file for data that are none.
     """
     if isinstance(data, SeveralZones):
-    if isinstance(data, SeveralZones):
         return cast("FittedModel", data.fit_zones(**changed))  # for the checker: fit_network tells the type
     fitting, reading = split_options(
         changed, FitSettings, ReadSettings, also=("settings", "read", "thorough", "companions", "progress"))
