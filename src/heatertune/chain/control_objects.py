@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final, Literal
 from heatertune.chain.facade import decode
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.model.cooler_mirror import cools
-from heatertune.model.transfer_functions import heater_from
+from heatertune.model.transfer_functions import LinearSystem, heater_from
 from heatertune.model.values import FittedModel, Fopdt, HeaterModel, TwoLag, model_by_hand
 from heatertune.options import merge_options, with_options
 from heatertune.pid.sampled_loop import MOST_DELAY, sample_plant
@@ -38,7 +38,7 @@ _PARTS: Final = ("open", "closed", "load", "sensitivity")
 
 
 def loop(
-    heater: HeaterModel | FittedModel | TransferFunction, design: PidDesign | Words, *, of: Part = "open",
+    heater: HeaterModel | FittedModel | LinearSystem, design: PidDesign | Words, *, of: Part = "open",
     continuous: bool = False, pade: int | None = None,
 ) -> TransferFunction:
     """Return the loop of a heater and a design as a transfer function of python-control.

@@ -7,7 +7,7 @@ zeros: they are the poles of its denominator, mirrored. Sampled with held power:
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -16,18 +16,24 @@ from heatertune.heater.exact import since_step
 from heatertune.model.values import Fopdt, TwoLag
 
 if TYPE_CHECKING:
-    from control import TransferFunction
-
     from heatertune.arrays import Array
     from heatertune.model.values import HeaterModel
 
-__all__ = ["heater_from"]
+__all__ = ["LinearSystem", "heater_from"]
 
 _ALIKE = 1e-3  # relative distance of a pole from the mirrored zero of its Padé approximant
 _EXPECTED = "a gain, one or two real lags and a dead time"
 
 
-def heater_from(system: TransferFunction, *, ambient_degC: float | None = None) -> HeaterModel:
+class LinearSystem(Protocol):
+    """What is read of a transfer function of python-control, which has no types of its own."""
+
+    num: Any
+    den: Any
+    dt: Any
+
+
+def heater_from(system: LinearSystem, *, ambient_degC: float | None = None) -> HeaterModel:
     """Return the heater that a transfer function of python-control describes, from power [%] to temperature rise [°C].
 
     Args:

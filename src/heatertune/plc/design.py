@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 from heatertune import cache
 from heatertune.errors import InputError
 from heatertune.model import document as model_document
-from heatertune.model.transfer_functions import heater_from
+from heatertune.model.transfer_functions import LinearSystem, heater_from
 from heatertune.model.values import FittedModel, Fopdt, HeaterModel, TwoLag, model_by_hand
 from heatertune.options import Keywords, merge_options, split_options, with_options
 from heatertune.pid import document as pid_document
@@ -23,8 +23,6 @@ from heatertune.settings import SensorSettings, TuneSettings
 if TYPE_CHECKING:
     from typing import Unpack
 
-    from control import TransferFunction
-
     from heatertune.keywords import TargetTuneOptions
 
 __all__ = ["encode", "loop_fit", "stated_scaling", "tune"]
@@ -35,7 +33,7 @@ _TOLD: Final = ("residuals", "notes", "hypotheses", "whiteness", "input_crosscor
 
 @with_options(TuneSettings, SensorSettings)
 def tune(
-    fitted: FittedModel | HeaterModel | TransferFunction, settings: TuneSettings | None = None, *,
+    fitted: FittedModel | HeaterModel | LinearSystem, settings: TuneSettings | None = None, *,
     target: str | None = None,
     scaling: Scaling | None = None, progress: ProgressCallback = log_progress, **changed: Unpack[TargetTuneOptions],
 ) -> PidDesign:
@@ -84,7 +82,7 @@ def tune(
     return replace(design, notes=(*design.notes, *delay))
 
 
-def _fitted_model(heater: FittedModel | HeaterModel | TransferFunction) -> FittedModel:
+def _fitted_model(heater: FittedModel | HeaterModel | LinearSystem) -> FittedModel:
     if isinstance(heater, FittedModel):
         return heater
     return model_by_hand(heater if isinstance(heater, Fopdt | TwoLag) else heater_from(heater))
