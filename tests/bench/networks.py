@@ -109,7 +109,8 @@ def case(seed, most_zones=8):
     network = drawn(random, int(random.integers(2, most_zones + 1)))
     count = len(network.zones)
     length = int(12 * max(network.time_constants_s)) + 1500 * count
-    instants, readings, powers = logged(network, steps(count, length, 15.0, 65.0), 1.0, 2, random, 0.03)
+    course = np.vstack([steps(count, length, 15.0, 65.0), np.full((int(6 * max(network.time_constants_s)), count), 45.0)])
+    instants, readings, powers = logged(network, course, 1.0, 2, random, 0.03)  # at last all up to the setpoints
     log = ZoneLog(name="drawn", zones=network.zones, time_s=instants, temperatures_degC=readings, powers_pct=powers)
     fitted = fit_network(log)
     intervals = dict(zip(
