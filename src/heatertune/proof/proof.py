@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from functools import cache as remember
 from functools import partial
@@ -473,7 +472,7 @@ def _after_a_night(
                     for closely in (False, True))
     findings, broken = list[Finding](), dict[str, tuple[Run, ...]]()
     for first, closer in zip(coarse, fine, strict=True):
-        with uncharged() if first.name == BELOW else nullcontext():
+        with uncharged(only_told=first.name == BELOW):
             told = _judged_after(runs, results, coverage, first, closer)
         if found := closer.findings(criterion for _, criteria in told for criterion in criteria):
             findings += found

@@ -117,9 +117,9 @@ def count_scans(scans: float) -> None:
 
 
 @contextmanager
-def uncharged() -> Iterator[None]:
-    """Charge no budget within the block: runs whose result is only told must not end a search."""
-    mark = _budgets.set(())
+def uncharged(*, only_told: bool = True) -> Iterator[None]:
+    """Charge no budget within the block if the result of its runs is only told: they must not end a search."""
+    mark = _budgets.set(() if only_told else _budgets.get())
     try:
         yield
     finally:
