@@ -30,7 +30,7 @@ PAGES = (
     "howto/health.md",
     "howto/your_controller.md",
     "howto/terminal.md",
-    "explain/sampling.md", "explain/rounding.md", "explain/proof.md", "explain/verdict.md", "explain/paper_program.md",
+    "explain/sampling.md", "explain/rounding.md", "explain/proof.md", "explain/events.md", "explain/verdict.md", "explain/paper_program.md",
     "explain/iec_pid.md", "explain/machine_code.md", "explain/no_power.md", "reference/commands.md", "reference/python.md", "reference/python_chain.md",
     "reference/python_log.md", "reference/python_heater.md", "reference/python_model.md", "reference/python_pid.md",
     "reference/python_plc.md", "reference/python_controllers.md", "reference/python_proof.md", "reference/python_redesign.md", "reference/python_lanes.md",

@@ -7,12 +7,20 @@ from heatertune.plc import Scaling
 from heatertune.proof import prove
 from heatertune.proof import runs as search_budget
 from heatertune.proof.redesign import DesignRequest, find_passing_design
-from heatertune.proof.runs import SearchBudget, count_scans, judged_once
+from heatertune.proof.runs import SearchBudget, count_scans, judged_once, uncharged
 from heatertune.settings import Conditions, TuneSettings
 
 #: the plain optimum at Ms 2 overshoots; other gains and a setpoint ramp mend it
 HEATER = model_by_hand(Fopdt(gain_degC_per_pct=0.9, time_constant_s=120.0, dead_time_s=18.0, ambient_degC=28.0))
 ASKED = DesignRequest(target="fb41", conditions=Conditions(setpoint_degC=40.0), tune_settings=TuneSettings(ms=2.0))
+
+
+def test_runs_whose_result_is_only_told_are_charged_to_no_budget():
+    with SearchBudget(scans=10.0) as budget:
+        with uncharged():
+            count_scans(100.0)
+        count_scans(4.0)
+    assert (budget.used, budget.spent) == (4.0, False)
 
 
 def test_a_block_ends_beyond_its_budget_and_the_program_goes_on():

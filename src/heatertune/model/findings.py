@@ -104,9 +104,8 @@ KINDS: Final[dict[str, FindingKind]] = {
         "state a smaller range (--setpoint), allow that overshoot (--limit reheat-overshoot), or keep it in manual "
         "while the circuit is open"),
     "outage-below": FindingKind(
-        "told", "it exceeds its overshoot limit after an open circuit at a setpoint below the stated one",
-        "state the range of setpoints in use (--setpoint LOW HIGH), or keep it in manual while the circuit is open",
-        by_case=True),
+        "told", "an open circuit below the stated setpoint overshoots more than allowed",
+        "state the range of setpoints in use (--setpoint LOW HIGH), or keep it in manual while the circuit is open"),
     "low-heat-up": FindingKind(
         "blocks", "it exceeds its overshoot limit on a heat-up from cold to a lower setpoint of use",
         "state a smaller range (--setpoint), or allow that overshoot (--limit overshoot)"),

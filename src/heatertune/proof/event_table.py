@@ -126,5 +126,6 @@ EXCLUDED: Final = (
 NOT_RUN: Final = (
     "manual mode and back: the program of the controller decides; see its page",
     "sensor break and return: the supervision that is exported next to the controller is tested for it",
+    "an open circuit or a restart while a load is held: a boost may then start again and again",
     "a second event before the loop is at rest, other than during an open circuit",
 )

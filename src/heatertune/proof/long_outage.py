@@ -361,8 +361,8 @@ def nights_of(
         return
     if warm_s:
         yield from _restarted(scenario, warm_s)
-    if lower_s and scenario.setpoint_low_degC is not None:
-        yield _cold_at_lower_setpoints(scenario, _downwards(lower_s, scenario), models)
+    if lower_s:
+        yield from _cold_at_lower_setpoints(scenario, _downwards(lower_s, scenario), models)
     if lows_degC:
         yield from _changed_in_part(scenario, lows_degC)
 
@@ -499,11 +499,13 @@ def _at_lower_setpoints(scenario: Scenario, number: int, lengths_s: Mapping[floa
 
 def _cold_at_lower_setpoints(
     scenario: Scenario, setpoints_degC: Sequence[float], models: Sequence[HeaterModel]
-) -> LongOutage:
-    """Construct heat-ups to lower setpoints: the PLC starts with the heater cold, as at the highest one.
+) -> Iterator[LongOutage]:
+    """Yield heat-ups to the lower setpoints of a stated range: the PLC starts cold, as at the highest one.
 
     Full power leads to a lower setpoint at more speed, and less of it holds the setpoint there.
     """
+    if scenario.setpoint_low_degC is None:
+        return
     end_s = next((event.time_s for event in scenario.disturbances), scenario.duration_s)
     way_s, rest_s = end_s - scenario.rests_s[0], min(rest_s for rest_s in scenario.rests_s if rest_s > 0.0)
     off_s = max(model.dead_time_s + time_to(_COLD, *model.lags_s) for model in models)
@@ -515,7 +517,7 @@ def _cold_at_lower_setpoints(
         rests += [0.0, 0.0, rest_s]
         time_s += off_s + way_s + rest_s
     cold = replace(scenario, disturbances=tuple(events), rests_s=tuple(rests), duration_s=time_s)
-    return LongOutage(HEAT_UP, cold, f"On a heat-up from cold to {_degrees(setpoints_degC)} °C",
+    yield LongOutage(HEAT_UP, cold, f"On a heat-up from cold to {_degrees(setpoints_degC)} °C",
                       f"; {_KEPT_AT_HIGHEST}")
 
 

@@ -28,8 +28,17 @@ from heatertune.proof.acceptance import Acceptance, Coverage, Interlock, Run
 from heatertune.proof.criteria import Criterion, LoopLimits, band_of, criteria_of_words, worst_of
 from heatertune.proof.document import OutcomeView, ProofView, RunView, with_digest
 from heatertune.proof.heaters import MainsScenario, mains_label
-from heatertune.proof.long_outage import JUDGED, OVERSHOOTS, LongOutage, OutageTiming, heat_up, lengthen, nights_of
-from heatertune.proof.runs import AllRuns, Runs
+from heatertune.proof.long_outage import (
+    BELOW,
+    JUDGED,
+    OVERSHOOTS,
+    LongOutage,
+    OutageTiming,
+    heat_up,
+    lengthen,
+    nights_of,
+)
+from heatertune.proof.runs import AllRuns, Runs, uncharged
 from heatertune.proof.scenario import Scenario
 from heatertune.proof.specification import Specification
 from heatertune.proof.trace import Trace
@@ -468,7 +477,8 @@ def _after_a_night(
                     for closely in (False, True))
     findings, broken = list[Finding](), dict[str, tuple[Run, ...]]()
     for first, closer in zip(coarse, fine, strict=True):
-        told = _judged_after(runs, results, coverage, first, closer)
+        with uncharged(only_told=first.name == BELOW):
+            told = _judged_after(runs, results, coverage, first, closer)
         if found := closer.findings(criterion for _, criteria in told for criterion in criteria):
             findings += found
             over = [run for run, criteria in told if closer.findings(criteria)]

@@ -50,7 +50,8 @@ from heatertune.proof.phase_statistics import CriterionTable, join_tables, reord
 from heatertune.proof.scenario import Scenario, conditions, delay_heater, events_of
 from heatertune.proof.trace import Trace
 
-__all__ = ["MOST_SCANS", "AllRuns", "Runs", "SearchBudget", "count_scans", "judged_once", "measure_runs"]
+__all__ = ["MOST_SCANS", "AllRuns", "Runs", "SearchBudget", "count_scans", "judged_once", "measure_runs",
+           "uncharged"]
 
 
 #: that a search simulates where nothing else is said: about a minute of a processor, several times what most take
@@ -113,6 +114,16 @@ def count_scans(scans: float) -> None:
     for budget in budgets:
         if budget.used > budget.scans:
             raise BudgetSpent(budget)
+
+
+@contextmanager
+def uncharged(*, only_told: bool = True) -> Iterator[None]:
+    """Charge no budget within the block if the result of its runs is only told: they must not end a search."""
+    mark = _budgets.set(() if only_told else _budgets.get())
+    try:
+        yield
+    finally:
+        _budgets.reset(mark)
 
 
 def measure_runs(  # noqa: PLR0913 - what differs from loop to loop stands in arrays of its own
