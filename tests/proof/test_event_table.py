@@ -61,11 +61,12 @@ def test_the_additional_runs_have_the_phases_that_the_table_names():
     for scenario in (_sequence(), _sequence(setpoint=60.0)):
         timing = OutageTiming(controller_for("esphome"), WORDS, controller_for("esphome").decode(WORDS), scenario, [HEATER])
         runs |= {night.name: {kind for kind, *_ in kinds_of(night.scenario)} for night in nights_of(
-            scenario, [HEATER], timing.openings_s(), timing.restarts_s(), timing.lows_degC(), timing.lower_openings_s())}
+            scenario, [HEATER], timing.openings_s(), timing.restarts_s(), timing.lows_degC(), timing.lower_openings_s(),
+            again=True)}
     table = {event.finding: {*event.phases} for event in EVENTS if event.finding}
     assert runs.keys() == table.keys()
     for name, phases in table.items():
-        ways = {"heat-up", "off", "change"}  # to where the event happens: from cold, and to a lower setpoint
+        ways = {"heat-up", "off", "change", "recovery"}  # to where it happens: from cold, to a lower setpoint, under a load
         assert phases <= runs[name] <= phases | ways, name
 
 

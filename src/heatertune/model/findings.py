@@ -103,6 +103,10 @@ KINDS: Final[dict[str, FindingKind]] = {
         "blocks", "it exceeds its overshoot limit after an open circuit at a lower setpoint of use",
         "state a smaller range (--setpoint), allow that overshoot (--limit reheat-overshoot), or keep it in manual "
         "while the circuit is open"),
+    "loaded-outage": FindingKind(
+        "blocks", "it does not come to rest after an open circuit while a load is held: its boost starts again "
+                  "and again",
+        "leave out the boost (--boost none), or keep it in manual while the circuit is open"),
     "outage-below": FindingKind(
         "told", "an open circuit below the stated setpoint overshoots more than allowed",
         "state the range of setpoints in use (--setpoint LOW HIGH), or keep it in manual while the circuit is open"),

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from heatertune.proof.long_outage import BELOW, BRIEF, HEAT_UP, LONGER, LOW, PART, RISING, WARM
+from heatertune.proof.long_outage import BELOW, BRIEF, HEAT_UP, LOADED, LONGER, LOW, PART, RISING, WARM
 
 __all__ = ["CONDITIONS", "EVENTS", "EXCLUDED", "MAINS_LABELS", "NOT_RUN", "Condition", "EventKind", "Exclusion"]
 
@@ -89,6 +89,8 @@ EVENTS: Final = (
               runs="nearest", finding=LONGER),
     EventKind(name="shorter open circuit", state=_REST, sizes="12 to 96 lengths around the one that integrates most",
               phases=("off", "reheat"), runs="nearest", finding=BRIEF),
+    EventKind(name="open circuit while a load is held, with a boost", state="at rest under the load",
+              sizes="as above; it has to come to rest", phases=("off", "reheat"), runs="nearest", finding=LOADED),
     EventKind(name="open circuit in a stated range", state="at rest at a lower setpoint", sizes="as above",
               phases=("off", "reheat"), runs="nearest", finding=LOW),
     EventKind(name="open circuit below a stated setpoint", state="at rest, a fifth of the rise lower",
@@ -126,6 +128,6 @@ EXCLUDED: Final = (
 NOT_RUN: Final = (
     "manual mode and back: the program of the controller decides; see its page",
     "sensor break and return: the supervision that is exported next to the controller is tested for it",
-    "an open circuit or a restart while a load is held: a boost may then start again and again",
+    "a restart while a load is held: a boost may then start again and again",
     "a second event before the loop is at rest, other than during an open circuit",
 )

@@ -25,14 +25,14 @@ from heatertune.plc.controller import Controller
 from heatertune.plc.words import Words
 from heatertune.proof.criteria import Criterion, names_of
 from heatertune.proof.phase_statistics import beyond_degC
-from heatertune.proof.scenario import Disturbance, Mains, NewSetpoint, PlcPower, Scenario, conditions
+from heatertune.proof.scenario import Disturbance, Load, Mains, NewSetpoint, PlcPower, Scenario, conditions
 from heatertune.proof.verdict import FitDiagnostics
 from heatertune.units import written
 
 __all__ = [
-    "BELOW", "BRIEF", "HEAT_UP", "JUDGED", "LONGER", "LOW", "OF_RANGE", "OVERSHOOTS", "PART", "RISING", "WARM",
-    "LongOutage", "OutageTiming", "briefly", "heat_up", "lengthen", "nights_of", "sums_up", "unmended", "winds_up",
-    "wound",
+    "BELOW", "BRIEF", "HEAT_UP", "JUDGED", "LOADED", "LONGER", "LOW", "OF_RANGE", "OVERSHOOTS", "PART", "RISING",
+    "WARM", "LongOutage", "OutageTiming", "briefly", "heat_up", "lengthen", "nights_of", "sums_up", "unmended",
+    "winds_up", "wound",
 ]
 
 
@@ -257,21 +257,25 @@ LOW: Final = "low-outage"
 #: the same without a stated range: it is told, and blocks nothing
 BELOW: Final = "outage-below"
 HEAT_UP: Final = "low-heat-up"
+#: with a boost, while a load is held
+LOADED: Final = "loaded-outage"
 #: limits broken there are of the test sequence's kind, and other gains may help
-_MENDED: Final = frozenset({LOW, HEAT_UP, BRIEF, WARM, PART})
+_MENDED: Final = frozenset({LOW, HEAT_UP, BRIEF, WARM, PART, LOADED})
 #: findings that concern the lower end of the range of setpoints
 OF_RANGE: Final = frozenset({LOW, HEAT_UP, PART})
 #: name of the finding → criteria that select the hardest run
 OVERSHOOTS: Final = {
     LONGER: _REHEATED, RISING: _REHEATED, LOW: _REHEATED, BELOW: _REHEATED, HEAT_UP: _HEATED, BRIEF: _REHEATED,
-    WARM: _RESTARTED, PART: _CHANGED}
+    WARM: _RESTARTED, PART: _CHANGED, LOADED: _REHEATED}
 #: name of the finding → criteria that count
-JUDGED: Final = {**OVERSHOOTS, LONGER: (*_REHEATED, _RETURN, _GROWTH), RISING: (*_REHEATED, _RETURN)}
+JUDGED: Final = {**OVERSHOOTS, LONGER: (*_REHEATED, _RETURN, _GROWTH), RISING: (*_REHEATED, _RETURN),
+                 LOADED: (_RETURN,)}
 _KEPT_AT_HIGHEST: Final = "the limit is kept at the highest setpoint"
 _TIMES: Final = 4.0  # as long as in the test sequence
 #: of the time to return after the test sequence's open circuit: tolerance for a heater that was not quite cold then
 _COLDER: Final = 0.1
 _SLACK: Final = 1.1  # of the test sequence's limit; one that stays at its limit exceeds it by far, or never settles
+_ANY: Final = 1e9  # of a limit: only what never ends exceeds it
 _LATER: Final = 1.2  # than full power needs to the lower setpoint: two lags carry the reading beyond it
 
 
@@ -336,7 +340,7 @@ class LongOutage(NamedTuple):
 
 def nights_of(
     scenario: Scenario, models: Sequence[HeaterModel], brief_s: Sequence[float] = (), warm_s: Sequence[float] = (),
-    lows_degC: Sequence[float] = (), lower_s: Mapping[float, Sequence[float]] | None = None,
+    lows_degC: Sequence[float] = (), lower_s: Mapping[float, Sequence[float]] | None = None, *, again: bool = False,
 ) -> Iterator[LongOutage]:
     """Yield variants of the longest open circuit, right after the heat-up: longer, closed at lower setpoints, shorter.
 
@@ -350,13 +354,17 @@ def nights_of(
         warm_s: times without supply of the PLC [s].
         lows_degC: setpoints to which it falls, and from which it rises again [°C].
         lower_s: lower setpoint in use [°C] → lengths of the shorter open circuits there [s]; None: there is none.
+        again: whether a boost starts again far from the setpoint.
     """
     lower_s = lower_s or {}
     opened = {number: closed.time_s - event.time_s
               for number, (event, closed) in enumerate(pairwise(scenario.disturbances))
               if isinstance(event, Mains) and isinstance(closed, Mains) and event.share == 0.0 < closed.share}
     if opened:
-        yield from _opened(scenario, models, max(opened, key=lambda one: opened[one]), opened, brief_s, lower_s)
+        number = max(opened, key=lambda one: opened[one])
+        yield from _opened(scenario, models, number, opened, brief_s, lower_s)
+        if again and brief_s and scenario.rests_s:
+            yield from _under_load(scenario, number, brief_s)
     if not scenario.rests_s:
         return
     if warm_s:
@@ -405,6 +413,26 @@ def _opened(
     if brief_s and scenario.rests_s:
         told = f"After {_minutes(brief_s)} with an open circuit"
         yield LongOutage(BRIEF, _each(scenario, number, brief_s), told, "; the limit is kept after a longer one")
+
+
+def _under_load(scenario: Scenario, number: int, lengths_s: Sequence[float]) -> Iterator[LongOutage]:
+    """Yield open circuits while the load of the test sequence is held.
+
+    A boost hands over to a controller with an empty I part. If P alone asks for less than the load needs, the reading
+    falls until the boost starts again, and so on without end.
+    """
+    place = next((place for place, event in enumerate(scenario.disturbances) if isinstance(event, Load)), None)
+    if place is None:
+        return
+    ends, open_again = [*(event.time_s for event in scenario.disturbances), scenario.duration_s], _each(
+        scenario, number, lengths_s)
+    later_s, begins_s = ends[place + 1] - ends[place], open_again.disturbances[0].time_s
+    events = [replace(event, time_s=event.time_s + later_s) for event in open_again.disturbances]
+    rests = open_again.rests_s[:1], (scenario.rests_s[place + 1],), open_again.rests_s[1:]
+    loaded = replace(open_again, disturbances=(replace(scenario.disturbances[place], time_s=begins_s), *events),
+                     rests_s=sum(rests, ()), duration_s=open_again.duration_s + later_s)
+    yield LongOutage(LOADED, loaded, f"After {_minutes(lengths_s)} with an open circuit while a load is held",
+                     "; it does without a load", most=_ANY)
 
 
 def heat_up(scenario: Scenario) -> Scenario:

@@ -516,7 +516,7 @@ def _nights(
     heaters = [model for _, model in models]
     cooling = OutageTiming(controller, words, controller.decode(words), scenario, heaters, closely)
     return nights_of(scenario, heaters, cooling.openings_s(), cooling.restarts_s(), cooling.lows_degC(),
-                     cooling.lower_openings_s())
+                     cooling.lower_openings_s(), again=controller.again_degC(words) is not None)
 
 
 def _with_band(diagnostics: FitDiagnostics, limits: LoopLimits, resolution_degC: float) -> FitDiagnostics:
