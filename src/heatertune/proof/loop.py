@@ -349,7 +349,7 @@ def plant_row(model: HeaterModel, scenario: Scenario) -> list[float]:
 
 
 def plant_rows(models: Sequence[HeaterModel], scenario: Scenario) -> Array:
-    """Return heaters in a scenario as `LoopBatch.plants`: longer rows for all where one has a loss curve."""
+    """Return heaters in a scenario as `LoopBatch.plants`, shape (n, 6), or (n, 12) where one has a loss curve."""
     rows = [plant_row(model, scenario) for model in models]
     if any(model.loss is not None for model in models):
         rows = [[*row, *loss_numbers(model, row[4])] for row, model in zip(rows, models, strict=True)]
@@ -357,7 +357,7 @@ def plant_rows(models: Sequence[HeaterModel], scenario: Scenario) -> Array:
 
 
 def have_loss(plants: Array) -> bool:
-    """Return whether rows are those of heaters with a loss curve."""
+    """Return whether rows, shape (n, 6) or (n, 12), are those of heaters with a loss curve."""
     return bool(plants.shape[1] > _LINEAR)
 
 
