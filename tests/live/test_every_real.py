@@ -6,6 +6,7 @@ Judged by the memory of `tests.live.modbus_device`. Time does not wait here.
 import math
 import random
 import struct
+from types import SimpleNamespace
 
 import pytest
 from tests.bench import sessions
@@ -114,12 +115,15 @@ def test_a_write_is_not_done_on_it(proven, device, tmp_path, name, value, after)
         assert kp == pytest.approx(words["Kp"])
 
 
+@pytest.mark.brute
 @pytest.mark.long
 @pytest.mark.parametrize("value", VALUES, ids=str)
 @pytest.mark.parametrize("name", REALS)
 def test_an_experiment_leaves_no_heater_on(proven, device, tmp_path, monkeypatch, name, value):
     clock = hasty_clock()
     monkeypatch.setattr(hold, "HOST", clock)
+    for module in ("recorder", "poller"):
+        monkeypatch.setattr(f"heatertune.live.{module}.time", SimpleNamespace(monotonic=clock.now_s, sleep=clock.sleep))
     struct.pack_into(">f", device.memory, REALS["Kp"], proven.words.values["Kp"])
     attacked(device, name, value, 12)
     address = address_of(f"modbus://127.0.0.1:{device.port}/1/0")

@@ -179,6 +179,76 @@ def test_a_late_reply_comes_so_many_scans_later(served):
         assert passed >= 3
 
 
+def test_a_late_request_arrives_though_its_client_has_gone(served):
+    plc = served(faults="t=40 late-request=5 until=44")
+    with client(plc) as asking:
+        plc.release(11)
+        before = plc.plc.memory.image()[2:4]
+        asking.timeout(0.3)
+        with pytest.raises(FAILED):
+            asking.write(DB, 2, b"\0\7")
+    assert plc.plc.memory.image()[2:4] == before
+    plc.release(4)
+    assert plc.plc.memory.image()[2:4] == before
+    plc.release(2)
+    assert plc.plc.memory.image()[2:4] == b"\0\7"
+
+
+def test_a_duplicate_arrives_again_over_what_was_written_since(served):
+    plc = served(faults="t=40 duplicate=3 until=44")
+    with client(plc) as asking:
+        plc.release(11)
+        writing = Thread(target=asking.write, args=(DB, 2, b"\0\7"))
+        writing.start()
+        with plc.plc.memory.changed:
+            plc.plc.memory.changed.wait_for(lambda: plc.plc.memory.image()[2:4] == b"\0\7")
+        plc.plc.memory.carry_out(2, b"\0\1")
+        plc.release(4)
+        writing.join()
+        assert asking.read(DB, 2, 2) == b"\0\7"
+
+
+def test_a_write_is_overtaken_by_the_next_one_or_comes_late(served):
+    plc = served(faults="t=40 reordered=5 until=400")
+    with client(plc) as asking:
+        plc.release(11)
+        old = asking.read(DB, 2, 2)
+        asking.write(DB, 2, b"\0\1")  # answered
+        assert asking.read(DB, 2, 2) == old
+        asking.write(DB, 2, b"\0\2")
+        assert asking.read(DB, 2, 2) == b"\0\1"  # the second came first
+        asking.write(DB, 2, b"\0\3")
+        plc.release(6)
+        assert asking.read(DB, 2, 2) == b"\0\3"
+
+
+def test_a_copy_is_as_old_as_it_may_be(served):
+    plc = served(faults="t=40 cached=3 until=400")
+    with client(plc) as asking:
+        plc.release(11)
+        old = asking.read(DB, 2, 2)
+        asking.write(DB, 2, b"\0\7")
+        found = []
+        for _ in range(4):
+            found.append(asking.read(DB, 2, 2) == old)
+            plc.release(1)
+        assert found == [True, True, True, False]
+
+
+def test_a_device_takes_half_or_less_than_was_written_and_answers(served, words):
+    plc = served(faults=("t=40 half-taken until=80", "t=80 clamped=3000 until=120"))
+    with client(plc) as asking:
+        plc.release(11)
+        old = asking.read(DB, 2, 2)
+        asking.write(DB, 2, b"\x7f\x7f")
+        assert asking.read(DB, 2, 2) == b"\x7f" + old[1:]
+        plc.release(10)
+        asking.write(DB, 2, struct.pack(">h", 5000))
+        assert asking.read(DB, 2, 2) == struct.pack(">h", 3000)
+        asking.write(DB, 2, struct.pack(">h", 2000))
+        assert asking.read(DB, 2, 2) == struct.pack(">h", 2000)
+
+
 @pytest.mark.parametrize("protocol", PROTOCOLS[3:])
 def test_a_compressed_memory_has_its_blocks_elsewhere(served, protocol):
     plc = served(serve=protocol, faults="t=4 compressed until=8")

@@ -98,6 +98,8 @@ class ManualMode:
 
 
 _SAME_PCT: Final = 1e-6
+#: so long nobody may look [s], however busy the machine is
+_ASLEEP_S: Final = 10.0
 #: by how much every plausible heater must have moved before a reading that stands still is frozen
 _FROZEN_DEGC: Final = 3.0
 
@@ -321,7 +323,7 @@ class _Hand:
     def _act(self, so_far: RecordingState) -> None:
         now_s = self._whole.hold.clock.now_s()
         away_s, self._looked_at = now_s - self._looked_at, now_s
-        if not away_s <= self._whole.limits.silence_s:
+        if not away_s <= max(_ASLEEP_S, self._whole.limits.silence_s):
             self.end("silence", f"nobody looked for {away_s:.0f} s: this machine was asleep, or the program stopped")
         elif so_far.trouble:
             self.end("link", so_far.trouble)

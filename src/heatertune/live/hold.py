@@ -373,7 +373,8 @@ class Hold:
             if found is not None and left_s == self.left_s == 0.0:  # nothing could arrive when that look began
                 self.close()
                 return found
-            left_s = max(self.left_s, 0.0 if found is not None else RETRY_S - self.clock.passed_s(begun_s))
+            # a device that shows something else whatever is written would be tried for ever
+            left_s = self.left_s if found is not None else max(RETRY_S, LATE_S) - self.clock.passed_s(begun_s)
             if (found is None and left_s <= 0.0) or enough():
                 return None
             if found != stands or number == 1:
