@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from heatertune.errors import LogError
 from heatertune.log import read_log
 from heatertune.log.quantities import is_scaled, unit_in_name
-from heatertune.log.values import Signal
+from heatertune.log.values import LogSignal
 from heatertune.settings import ReadSettings
 
 #: one heater in s, °C and % of full power: at rest at 22 °C, then a rise
@@ -138,7 +138,8 @@ def test_a_power_without_evidence_is_assumed_or_refused_until_its_full_scale_is_
     ("power", False), ("heater", False), ("OP", False), ("power_x10", True), ("power_pct_x10", True), ("power ‰", True),
 ])
 def test_a_power_that_reaches_0_and_100_is_in_percent_unless_its_name_contradicts(name, assumed):
-    log = log_of(power=np.where(TIME_S < 10, 0.0, np.where(TIME_S < 40, 100.0, 30.0)), head=f"t_s,temp_C,{name}")
+    # a controller that is limited at both ends; three steps to 0, 100 and 30 may be counts of 255, as of analogWrite(100)
+    log = log_of(power=np.clip(130.0 - 3.0 * TIME_S, 0.0, 100.0), head=f"t_s,temp_C,{name}")
     assert ("power" in log.taken.assumed) == assumed
 
 
@@ -288,7 +289,19 @@ def test_a_recorders_channel_whose_name_says_nothing_but_degrees_is_the_temperat
 
 def test_a_signal_shows_its_unit_with_the_evidence_that_the_file_does_not_say():
     values = TIME_S
-    assert Signal(values, "degC", "°C").written == "°C"
-    assert Signal(values, "degC", "°C", "from a room's temperature").written == "°C, from a room's temperature"
-    assert Signal(values, "degC", "°C", "").written == "°C, assumed"
-    assert Signal(values, "27648.0", "0…27648").full_scale == 27648.0
+    assert LogSignal(values, "degC", "°C").written == "°C"
+    assert LogSignal(values, "degC", "°C", "from a room's temperature").written == "°C, from a room's temperature"
+    assert LogSignal(values, "degC", "°C", "").written == "°C, assumed"
+    assert LogSignal(values, "27648.0", "0…27648").full_scale == 27648.0
+
+
+@pytest.mark.parametrize(("powers", "assumed"), [
+    ([0] * 40 + [100] * 160, True),  # a step to 100 counts of 255, or to full power?
+    ([0] * 40 + [50] * 60 + [100] * 100, True),
+    ([100 * (k // 10 % 2) for k in range(200)], False),  # a thermostat: it switches full power
+    ([min(100, max(0, 130 - k)) for k in range(200)], False),  # a controller that is limited at 100 and at 0
+])
+def test_a_few_steps_up_to_a_hundred_are_no_evidence_of_percent(powers, assumed):
+    rows = "\n".join(f"{2 * k},{25 + k / 10:.1f},{power}" for k, power in enumerate(powers))
+    log = read_log("log.csv", content=f"time [s],Temp [°C],Output\n{rows}\n".encode())
+    assert log.taken.assumed == ({"power": "--power-full-scale 100"} if assumed else {})

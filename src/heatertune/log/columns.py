@@ -45,7 +45,7 @@ from heatertune.log.side_columns import (
     is_cooling,
     is_fan,
 )
-from heatertune.log.values import EXPLICIT, Signal
+from heatertune.log.values import EXPLICIT, LogSignal
 
 __all__ = [
     "CLOCK_UNITS", "NO_COLUMN", "TIME_UNITS", "Columns", "cell_error", "choose_column",
@@ -383,7 +383,7 @@ def with_dates(sheet: Sheet, columns: Columns, wanted: str | int | None) -> tupl
 
 def seconds(
     sheet: Sheet, columns: Columns, unit: str | None, sample_time_s: float | None, repairs: list[str]
-) -> Signal:
+) -> LogSignal:
     """Return the time of each row [s]; its unit is also "counted" or "stamps".
 
     Args:
@@ -399,7 +399,7 @@ def seconds(
     if sample_time_s is not None:
         unused = f"; column {columns.names['time']} not used" if "time" in columns.index else ""
         repairs.append(f"The time was counted in rows of {sample_time_s:g} s{unused}.")
-        return Signal(np.arange(len(sheet), dtype=np.float64) * sample_time_s, "counted", "counted")
+        return LogSignal(np.arange(len(sheet), dtype=np.float64) * sample_time_s, "counted", "counted")
     if "time" not in columns.index:
         expected = "--log-interval with the seconds between two rows, or --time-column"
         raise LogError("the file has no time column", file=sheet.file, expected=expected)
@@ -408,10 +408,10 @@ def seconds(
     if two:
         repairs.append(f"The time was read as {two}.")
         each_s = 60.0 if two == "hh:mm" else 1.0
-        return Signal(_past_midnight(each_s * cells.numbers(_sixties), repairs), two, two)
+        return LogSignal(_past_midnight(each_s * cells.numbers(_sixties), repairs), two, two)
     if not is_number(cells[0]) and (stamp(cells[0]) is not None or month_first(cells)):
         repairs.append("Time stamps were converted to seconds from the first row.")
-        return Signal(_from_stamps(sheet, columns, cells, repairs), "stamps", "stamps")
+        return LogSignal(_from_stamps(sheet, columns, cells, repairs), "stamps", "stamps")
     return _from_numbers(sheet, columns, unit, repairs)
 
 
@@ -443,13 +443,13 @@ def _sixties(cell: str) -> float:
     return 60.0 * int(minutes) + float(seconds)
 
 
-def _from_numbers(sheet: Sheet, columns: Columns, unit: str | None, repairs: list[str]) -> Signal:
+def _from_numbers(sheet: Sheet, columns: Columns, unit: str | None, repairs: list[str]) -> LogSignal:
     values = numbers(sheet, columns, "time", f"a number or a time like {STAMPS}")
     named = columns.unit("time")
     epoch = next(((name, length) for least, name, length in _EPOCHS if values[0] > least), None)
     if unit is None and named in (None, "ms") and epoch is not None and not columns.is_foreign("time"):
         repairs.append(f"The time is in {epoch[0]} since 1970 by its digits and was counted from the first row.")
-        return Signal((values - values[0]) * epoch[1], epoch[0], epoch[0])
+        return LogSignal((values - values[0]) * epoch[1], epoch[0], epoch[0])
     if unit is None and (columns.is_foreign("time") or epoch is not None or _are_days(values, named)):
         raise cell_error(sheet, columns, "time", 0, "a time in an unknown unit:", "--time-unit s, ms, min, h or d")
     if unit in CLOCK_UNITS:
@@ -466,7 +466,7 @@ def _from_numbers(sheet: Sheet, columns: Columns, unit: str | None, repairs: lis
     if values[0] * TIME_UNITS[time_unit] > _EPOCH:
         repairs.append("The time is a calendar's and was counted from the first row.")
         values = values - values[0]
-    return Signal(values * TIME_UNITS[time_unit], time_unit, time_unit, "" if assumed else EXPLICIT)
+    return LogSignal(values * TIME_UNITS[time_unit], time_unit, time_unit, "" if assumed else EXPLICIT)
 
 
 def _is_calendar(values: Array) -> bool:

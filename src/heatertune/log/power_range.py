@@ -13,7 +13,7 @@ from heatertune.errors import LogError
 from heatertune.log.columns import Columns, cell_error, numbers
 from heatertune.log.quantities import is_scaled, on_or_off
 from heatertune.log.sheet import Sheet
-from heatertune.log.values import EXPLICIT, Signal
+from heatertune.log.values import EXPLICIT, LogSignal
 from heatertune.units import count
 
 __all__ = ["power_of"]
@@ -71,6 +71,7 @@ _SWITCH: Final = re.compile(
 _PWM: Final = re.compile("pwm", re.IGNORECASE)
 _PERCENT_FULL: Final = 100.0
 _SHOWN_SCALES: Final = 3
+_MOST_STEPS: Final = 5  # levels of a test by hand
 _SMALL: Final = 12.0  # a power in percent that never exceeds this may be volts of 0…10 V or amperes
 _EXPECTED: Final = "--power-full-scale with the reading at full power{}, or --power-column none"
 #: readings at full power that devices have: PWM of 8 bits, converters of 10 and 12 bits, tenths and hundredths of
@@ -81,7 +82,7 @@ _FULL_SCALES: Final = (255, 1000, 1023, 4095, 10000, 27648, 32767, 65535)
 def power_of(
     sheet: Sheet, columns: Columns, given: float | None, repairs: list[str], doubts: list[str], *,
     levels: tuple[float, float] | None = None,
-) -> Signal | None:
+) -> LogSignal | None:
     """Return the power [%], below 0 that of a cooler; its unit is the reading at full power. None: it was not logged.
 
     Args:
@@ -100,7 +101,7 @@ def power_of(
     switched = on_or_off(sheet.columns[columns.index["power"]])
     if switched is not None:
         repairs.append("The power is on or off; taken as 100 % and 0 %.")
-        return Signal(switched * 100.0, "1", "on/off")
+        return LogSignal(switched * 100.0, "1", "on/off")
     expected = "a number, or on and off in every row (--power-column none if there is no power)"
     values = numbers(sheet, columns, "power", expected)
     if levels is not None:
@@ -125,12 +126,13 @@ def power_of(
             "" if evidence else f" (off at {-full_scale:g}: --power-levels {-full_scale:g} {full_scale:g})")
     elif not (given or named):
         evidence = _evidence(columns.names["power"], values, full_scale)
-    return Signal(percent, repr(full_scale), shown, evidence, "255" if _PWM.search(columns.names["power"]) else "100")
+    likely = "255" if _PWM.search(columns.names["power"]) else "100"
+    return LogSignal(percent, repr(full_scale), shown, evidence, likely)
 
 
 def _between(
     sheet: Sheet, columns: Columns, values: Array, levels: tuple[float, float], repairs: list[str]
-) -> Signal:
+) -> LogSignal:
     """Return the power by its readings without power and at full power, as the user states them."""
     off, full = levels
     if off == full:
@@ -140,7 +142,7 @@ def _between(
         raise cell_error(sheet, columns, "power", int(outside[0]), "power out of range:",
                          f"{min(levels):g}…{max(levels):g}, as --power-levels says")
     repairs.append(f"The power is 0 % at a reading of {off:g} and 100 % at {full:g}, as stated.")
-    return Signal(_percent_between(values, levels), repr(full), f"{off:g}…{full:g}", levels=levels)
+    return LogSignal(_percent_between(values, levels), repr(full), f"{off:g}…{full:g}", levels=levels)
 
 
 def _two_way(sheet: Sheet, columns: Columns, values: Array, full_scale: float, repairs: list[str]) -> Array:
@@ -180,11 +182,13 @@ def _offset(name: str, values: Array) -> str:
 def _evidence(name: str, values: Array, full_scale: float) -> str:
     """Return the evidence for the full scale of a power without a unit: on/off values, its extremes, or none.
 
-    A name that suggests counts or multiples, such as PWM or x10, contradicts the extremes.
+    A name that suggests counts or multiples, such as PWM or x10, contradicts the extremes. They are none of a few steps
+    either, which may go to 100 counts of 255: a controller that is limited there has many levels or switches often.
     """
     if full_scale == 1.0:
         return "of a switch"
-    reached = float(values.min()) == 0.0 and float(values.max()) == full_scale
+    controlled = len(np.unique(values)) > _MOST_STEPS or np.count_nonzero(np.diff(values)) > 2 * _MOST_STEPS
+    reached = controlled and float(values.min()) == 0.0 and float(values.max()) == full_scale
     return "both reached" if reached and not (_PWM.search(name) or is_scaled("power", name)) else ""
 
 

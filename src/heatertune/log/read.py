@@ -53,9 +53,9 @@ from heatertune.log.values import (
     UNIT_OPTIONS,
     BuiltIn,
     Log,
+    LogSignal,
     Option,
     ReadSummary,
-    Signal,
     built_in,
 )
 from heatertune.options import merge_options, with_options
@@ -97,7 +97,7 @@ class RowCounts(NamedTuple):
 
 
 def taken_of(
-    file: str, sheet: Sheet, columns: Columns, tagged: TagTable, *, signals: Mapping[str, Signal],
+    file: str, sheet: Sheet, columns: Columns, tagged: TagTable, *, signals: Mapping[str, LogSignal],
     stated: frozenset[str], counts: RowCounts, options: Mapping[str, Option],
 ) -> ReadSummary:
     """Return the summary of the reading.
@@ -135,7 +135,7 @@ def stated_units(asked: ReadSettings) -> frozenset[str]:
     return frozenset(stated | ({"time"} if asked.sample_time_s is not None else set()))
 
 
-def _assumed(signals: Mapping[str, Signal]) -> dict[str, str]:
+def _assumed(signals: Mapping[str, LogSignal]) -> dict[str, str]:
     """Return role → option that states its unit, of each unit without evidence: the likeliest one, to be checked."""
     unknown = {role: signals[role] for role in UNIT_OPTIONS if role in signals and not signals[role].evidence}
     return {role: f"--{UNIT_OPTIONS[role].replace('_', '-')} {signal.likely or likely_time_unit(signal.values)}"
@@ -156,7 +156,7 @@ def _unused(sheet: Sheet, columns: Columns, tagged: TagTable, *, counted: bool) 
 
 
 def _reading(
-    sheet: Sheet, columns: Columns, tagged: TagTable, signals: Mapping[str, Signal], options: Mapping[str, Option]
+    sheet: Sheet, columns: Columns, tagged: TagTable, signals: Mapping[str, LogSignal], options: Mapping[str, Option]
 ) -> dict[str, Option]:
     """Return the options that repeat the reading, in the order in which people read a command."""
     reading: dict[str, Option] = {name: value for name, value in options.items() if value}
@@ -256,7 +256,7 @@ def read_log(
     setpoint, filled = _setpoint(sheet, columns, unit.unit, asked.temperature_scale or 1.0, repairs)
     disturbance, held = _disturbance(sheet, columns, repairs)
     power = power_of(sheet, columns, asked.power_full_scale, repairs, doubts, levels=asked.power_levels)
-    every: dict[str, Signal | None] = {
+    every: dict[str, LogSignal | None] = {
         "time": clock._replace(values=time),
         "temperature": unit._replace(values=_in_degC(sheet, columns, "temperature", unit.unit, raw, kept)),
         "power": _with_cooling(sheet, columns, power, repairs), "setpoint": setpoint, "disturbance": disturbance,
@@ -319,9 +319,9 @@ _MOVES: Final = 0.1
 
 
 def _put_back(
-    signals: dict[str, Signal], edges: Mask, lost_s: Sequence[float], repairs: list[str], *, recorded: bool,
+    signals: dict[str, LogSignal], edges: Mask, lost_s: Sequence[float], repairs: list[str], *, recorded: bool,
     power_every_s: float
-) -> tuple[dict[str, Signal], npt.NDArray[np.intp]]:
+) -> tuple[dict[str, LogSignal], npt.NDArray[np.intp]]:
     """Return the rows with those that were not written since nothing changed, and the row that each continues.
 
     The power may have changed before the row that shows it: up to the row before, where no row is there for the power
@@ -411,10 +411,10 @@ def _with_power_log(sheet: Sheet, asked: ReadSettings) -> tuple[Sheet, ReadSetti
 
 
 def _log(
-    source: str | Path, table: BuiltIn | None, sheet: Sheet, signals: Mapping[str, Signal], repairs: tuple[str, ...],
+    source: str | Path, table: BuiltIn | None, sheet: Sheet, signals: Mapping[str, LogSignal], repairs: tuple[str, ...],
     doubts: tuple[str, ...], taken: ReadSummary
 ) -> Log:
-    columns: dict[str, Any] = {_FIELDS[role]: signal.values for role, signal in signals.items()}
+    columns: Any = {_FIELDS[role]: signal.values for role, signal in signals.items()}
     power = columns.get("power_pct")
     if power is not None:
         columns["power_pct"] = np.maximum(power, 0.0)
@@ -454,7 +454,7 @@ def _errata(table: BuiltIn, sheet: Sheet, apply: bool, doubts: list[str]) -> She
 
 def _temperature_unit(
     sheet: Sheet, columns: Columns, settings: ReadSettings, values: Array, repairs: list[str], doubts: list[str]
-) -> Signal:
+) -> LogSignal:
     """Return how the temperature is written; its values are those of the file, shape (n,)."""
     name, named, given = columns.names["temperature"], columns.unit("temperature"), settings.temperature_unit
     unit, scaled = given or named, is_scaled("temperature", name) and settings.temperature_scale is None
@@ -464,9 +464,9 @@ def _temperature_unit(
         if unit != "degC":
             repairs.append(f"The temperature is in {unit} {'as stated' if given else 'by its name'} and was converted "
                            "to °C.")
-        return Signal(values, unit, SIGNS[unit], between=SAMPLES)
+        return LogSignal(values, unit, SIGNS[unit], between=SAMPLES)
     if unit == "degF":
-        return Signal(values, unit, SIGNS[unit], "", "0.1degF", between=SAMPLES)
+        return LogSignal(values, unit, SIGNS[unit], "", "0.1degF", between=SAMPLES)
     lowest, highest, first = float(np.min(values)), float(np.max(values)), float(values[0])
     least, most = _POSSIBLE_DEGC
     if columns.is_foreign("temperature") or lowest >= _KELVIN or lowest < least or highest > most:
@@ -475,13 +475,13 @@ def _temperature_unit(
     if not scaled and _starts_at_room(values):
         repairs.append(f"The temperature has no unit in the file; taken as °C, because it starts at {first:g}, a room "
                        "temperature only in °C.")
-        return Signal(values, "degC", SIGNS["degC"], "from a room's temperature", between=SAMPLES)
+        return LogSignal(values, "degC", SIGNS["degC"], "from a room's temperature", between=SAMPLES)
     repairs.append("The temperature has no unit in the file; taken as °C (otherwise: --temperature-unit).")
     likely = _likely(first, scaled=scaled)
     if _ROOM_DEGF[0] <= first <= _ROOM_DEGF[1] or likely != "degC":
         sign = SIGNS["degF" if likely == "degC" else likely]
         doubts.append(f"The first reading, {first:g}, taken as °C, would be a room temperature in {sign}.")
-    return Signal(values, "degC", SIGNS["degC"], "", likely, between=SAMPLES)
+    return LogSignal(values, "degC", SIGNS["degC"], "", likely, between=SAMPLES)
 
 
 def _by_room(first: float) -> str:
@@ -519,7 +519,7 @@ def _in_degC(sheet: Sheet, columns: Columns, role: str, unit: str, raw: Array, k
 
 def _setpoint(
     sheet: Sheet, columns: Columns, unit: str, scale: float, repairs: list[str], role: str = "setpoint"
-) -> tuple[Signal | None, int]:
+) -> tuple[LogSignal | None, int]:
     """Return the setpoint, in the temperature's unit unless its name states another, and the number of filled cells.
 
     With the role "ambient", the same of the room's temperature.
@@ -537,14 +537,14 @@ def _setpoint(
     if own != unit:
         repairs.append(f"The {role} is in {own} by its name.")
     everywhere = np.ones(len(raw), dtype=np.bool_)
-    return Signal(_in_degC(sheet, columns, role, own, raw, everywhere)), filled
+    return LogSignal(_in_degC(sheet, columns, role, own, raw, everywhere)), filled
 
 
 _SIDE_NAMES: Final = {"cooling": "a cooler", "disturbance": "a disturbance", "ambient": "the room's temperature"}
 _IDLE: Final = 1.0  # %: a controller that heats and cools switches one of them off
 
 
-def _with_cooling(sheet: Sheet, columns: Columns, power: Signal | None, repairs: list[str]) -> Signal | None:
+def _with_cooling(sheet: Sheet, columns: Columns, power: LogSignal | None, repairs: list[str]) -> LogSignal | None:
     """Return the power, below 0 that of a cooler in a column of its own.
 
     Raises:
@@ -571,7 +571,7 @@ def _with_cooling(sheet: Sheet, columns: Columns, power: Signal | None, repairs:
     return power._replace(values=np.where(values > 0.0, -100.0 * values / full, power.values))
 
 
-def _disturbance(sheet: Sheet, columns: Columns, repairs: list[str]) -> tuple[Signal | None, int]:
+def _disturbance(sheet: Sheet, columns: Columns, repairs: list[str]) -> tuple[LogSignal | None, int]:
     """Return the column that the user names as a disturbance, in its own unit, and how many cells were filled.
 
     On and off are 1 and 0; an empty cell is filled as one of the setpoint.
@@ -584,12 +584,12 @@ def _disturbance(sheet: Sheet, columns: Columns, repairs: list[str]) -> tuple[Si
     switched = on_or_off(sheet.columns[columns.index["disturbance"]])
     if switched is not None:
         repairs.append("The disturbance is on or off; taken as 1 and 0.")
-        return Signal(switched), 0
+        return LogSignal(switched), 0
     values, filled = _held(sheet, columns, "disturbance", repairs)
     if filled == len(values):
         raise LogError("the column of the disturbance is empty", file=sheet.file,
                        column=columns.names["disturbance"], expected="numbers, or on and off in every row")
-    return Signal(values), filled
+    return LogSignal(values), filled
 
 
 def _held(sheet: Sheet, columns: Columns, role: str, repairs: list[str]) -> tuple[Array, int]:

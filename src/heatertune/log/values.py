@@ -31,9 +31,9 @@ __all__ = [
     "BuiltIn",
     "Erratum",
     "Log",
+    "LogSignal",
     "Option",
     "ReadSummary",
-    "Signal",
     "built_in",
 ]
 
@@ -200,7 +200,7 @@ SAMPLES: Final = "sampled"
 ON_CHANGE: Final = "constant until it is written again"
 
 
-class Signal(NamedTuple):
+class LogSignal(NamedTuple):
     """A quantity that a log records, with the evidence for its unit.
 
     Attributes:

@@ -289,7 +289,7 @@ def _cut(log: Log, model: HeaterModel | None, instant_s: float) -> str:
     if log.power_pct is None or model is None or not np.any(moves := np.diff(log.power_pct) != 0.0):
         return ""
     least_s = log.time_s[1:][moves][0] + model.dead_time_s + _CUT_TIMES * sum(model.lags_s)
-    return f" (if that is another heater: --until {math.floor(instant_s)} leaves it out)" if instant_s > least_s else ""
+    return f" (--until {math.floor(instant_s)} leaves it out)" if instant_s > least_s else ""
 
 
 _CUT_TIMES: Final = 3.0  # time constants after the first step of the power
