@@ -10,7 +10,7 @@ from tests.conftest import tried
 from tests.live.conftest import DB, LENGTH, PROTOCOLS
 
 from heatertune.errors import DocumentError, InputError, LinkDown, LinkError, PlcRefused, ReplyLost, UnknownName
-from heatertune.live.block_memory import Signal
+from heatertune.live.block_memory import BlockSignal
 from heatertune.live.client.connection import address_of, connect
 from heatertune.live.controller_block import places_in, places_of
 from heatertune.live.simulator_status import OWN, OWN_LENGTH, SimulatorStatus
@@ -170,7 +170,7 @@ def test_a_file_says_the_places(tmp_path):
     assert (places.block, places.span, places.counter.interval_s, places.counter.turn) == (12, (0, 14), 0.5, 1 << 32)
     content = struct.pack(">Ihxxxxf", 7, 13824, 0.25)
     assert places.signals["temperature"].of(content) == 50.0
-    assert places.signals["power"] == Signal(10, "REAL", (0.0, 1.0), (0.0, 100.0))
+    assert places.signals["power"] == BlockSignal(10, "REAL", (0.0, 1.0), (0.0, 100.0))
     assert places.signals["power"].of(content) == 25.0
 
 

@@ -23,7 +23,7 @@ from tests.live.test_served import _quiet
 from heatertune import InputError, read_log
 from heatertune.cli import main
 from heatertune.errors import LinkDown, OutOfRange, PlcRefused
-from heatertune.live.block_memory import Signal
+from heatertune.live.block_memory import BlockSignal
 from heatertune.live.client.connection import address_of
 from heatertune.live.controller_block import Counter, Places, places_of
 from heatertune.live.poller import Poller
@@ -130,7 +130,7 @@ def test_without_a_number_of_a_block_it_is_asked_for(served, places, tmp_path):
 
 
 def test_places_too_far_apart_for_one_request_are_told(served, tmp_path):
-    far = Places(block=30, signals={"temperature": Signal(0, "INT"), "power": Signal(300, "INT")}, summary="far.toml")
+    far = Places(block=30, signals={"temperature": BlockSignal(0, "INT"), "power": BlockSignal(300, "INT")}, summary="far.toml")
     plc = served()
     with pytest.raises(InputError, match=r"far.toml: 302 bytes .* one request reads 212"):
         record(way(plc, "s7"), tmp_path / "log.csv", far)
@@ -159,7 +159,7 @@ def test_this_machines_clock_where_nothing_counts(served, monkeypatch, places, t
 def test_a_counter_of_the_program_is_the_clock_and_wraps(monkeypatch, tmp_path):
     """16 bits that turn, one look that finds nothing new, and a PLC that begins anew."""
     counts = [65533, 65535, 65535, 3, 4, 0, 1]
-    places = Places(block=5, signals={"temperature": Signal(2, "INT")}, counter=Counter(signal=Signal(0, "UINT"), interval_s=0.5))
+    places = Places(block=5, signals={"temperature": BlockSignal(2, "INT")}, counter=Counter(signal=BlockSignal(0, "UINT"), interval_s=0.5))
 
     class Fake:
         most, whole = 200, True
@@ -197,7 +197,7 @@ def test_a_small_counter_that_turned_while_nobody_looked_is_as_far_as_this_machi
 
     monkeypatch.setattr("time.monotonic", lambda: now[0])
     monkeypatch.setattr("heatertune.live.poller.connect", lambda *_: Fake())
-    places = Places(block=5, signals={"temperature": Signal(1, "INT")}, counter=Counter(signal=Signal(0, "BYTE"), interval_s=0.5))
+    places = Places(block=5, signals={"temperature": BlockSignal(1, "INT")}, counter=Counter(signal=BlockSignal(0, "BYTE"), interval_s=0.5))
     looking, times = Poller(address_of("s7://10.0.0.1/0/2/db5"), places), []
     for at in (0.2, 0.9, 129.4):
         now[0] = at

@@ -24,8 +24,24 @@ from heatertune.plc.single_precision import single
 from heatertune.plc.words import FORMATS, WordField
 
 __all__ = [
-        "ALL", "BLOCKS", "MODBUS", "STRUCTS", "WORDS", "Access", "BlockMemory", "CellAddress", "Laid", "Layout",
-    "Refusal", "RegisterRange", "Signal", "bytes_of", "field_of", "members", "registers", "to_word_format",
+    "ALL",
+    "BLOCKS",
+    "MODBUS",
+    "STRUCTS",
+    "WORDS",
+    "Access",
+    "BlockMemory",
+    "BlockSignal",
+    "CellAddress",
+    "Laid",
+    "Layout",
+    "Refusal",
+    "RegisterRange",
+    "bytes_of",
+    "field_of",
+    "members",
+    "registers",
+    "to_word_format",
 ]
 
 
@@ -34,7 +50,7 @@ STRUCTS: Final = {"INT": ">h", "KF": ">h", "KM": ">H", "WORD": ">H", "UINT": ">H
                   "DINT": ">i", "UDINT": ">I", "LREAL": ">d", "BYTE": ">B"}
 
 
-class Signal(NamedTuple):
+class BlockSignal(NamedTuple):
     """A quantity that a block shows.
 
     Attributes:
@@ -461,19 +477,19 @@ class Laid:
         self._keep(cells, after)
         return after, power, output, flags
 
-    def _signals(self, degC: tuple[float, float]) -> dict[str, Signal]:  # noqa: ARG002 - some need them
+    def _signals(self, degC: tuple[float, float]) -> dict[str, BlockSignal]:  # noqa: ARG002 - some need them
         """Return where it shows temperature, power and setpoint; `degC` are both ends of the sensor."""
         at = self.layout
         return {"temperature": self._signal(at.reading), "power": self._signal(at.power),
                 "setpoint": self._signal(at.setpoint)}
 
     def _signal(self, place: CellAddress, raw: tuple[float, float] = (0.0, 1.0),
-                shown: tuple[float, float] = (0.0, 1.0)) -> Signal:
+                shown: tuple[float, float] = (0.0, 1.0)) -> BlockSignal:
         """Return what stands at a place; of registers that are not in a row, register r is at byte 2·r."""
         start = place.byte if len(self.registers) < 2 else next(
             2 * run.first + place.byte - run.byte for run in self.registers
             if run.byte <= place.byte < run.byte + 2 * run.size)
-        return Signal(start, place.format, raw, shown, place.turned)
+        return BlockSignal(start, place.format, raw, shown, place.turned)
 
     def ask(self, cells: bytearray, running: ControllerState, setpoint: Number) -> None:  # noqa: ARG002 - some need them
         """Write another setpoint than at the scan before."""

@@ -17,7 +17,7 @@ from typing import Any, Final, Protocol
 
 from heatertune.codec import read_toml
 from heatertune.errors import DocumentError, InputError
-from heatertune.live.block_memory import STRUCTS, RegisterRange, Signal
+from heatertune.live.block_memory import STRUCTS, BlockSignal, RegisterRange
 from heatertune.plc import Words, controller_for
 from heatertune.plc.controller import Controller
 from heatertune.plc.open_points import assumptions_from
@@ -49,8 +49,8 @@ class ServedBlock(Protocol):
     speaks: tuple[str, ...]
     registers: Sequence[RegisterRange]
     manual: bool
-    signals: Mapping[str, Signal]
-    words: Mapping[str, Signal]
+    signals: Mapping[str, BlockSignal]
+    words: Mapping[str, BlockSignal]
     bits: Mapping[str, tuple[int, int]]
     mode: slice
     operators: tuple[str, ...]
@@ -146,7 +146,7 @@ class Counter:
         interval_s: time between two scans [s].
     """
 
-    signal: Signal
+    signal: BlockSignal
     interval_s: float
 
     @property
@@ -167,7 +167,7 @@ class Places:
     """
 
     block: int | None
-    signals: Mapping[str, Signal]
+    signals: Mapping[str, BlockSignal]
     counter: Counter | None = None
     summary: str = ""
 
@@ -197,7 +197,7 @@ def places_in(path: str | Path) -> Places:
     for name in said:
         if name not in ("block", "counter", *ROLES):
             raise DocumentError(f"{path}: entry {name!r}: expected block, counter, {', '.join(ROLES)}")
-    signals: dict[str, Signal] = {
+    signals: dict[str, BlockSignal] = {
         role: _signal(path, role, said[role], ("raw", "range")) for role in ROLES if role in said}
     if "temperature" not in signals:
         raise DocumentError(f"{path}: no [temperature]; expected where it stands: byte, format, raw, range")
@@ -238,7 +238,7 @@ def _counter(path: str | Path, said: Any) -> Counter:
     return Counter(signal=signal, interval_s=interval)
 
 
-def _signal(path: str | Path, role: str, said: Any, also: tuple[str, ...]) -> Signal:
+def _signal(path: str | Path, role: str, said: Any, also: tuple[str, ...]) -> BlockSignal:
     def wrong(what: str, expected: str) -> DocumentError:
         return DocumentError(f"{path}: [{role}] {what}; expected {expected}")
 
@@ -258,8 +258,8 @@ def _signal(path: str | Path, role: str, said: Any, also: tuple[str, ...]) -> Si
         raise wrong(f"format = {form!r}", f"one of {', '.join(STRUCTS)}")
     start = place if name == "byte" else 2 * place
     if "raw" not in also:
-        return Signal(start, form)
-    return Signal(start, form, _pair(said.get("raw"), "raw", wrong), _pair(said.get("range"), "range", wrong))
+        return BlockSignal(start, form)
+    return BlockSignal(start, form, _pair(said.get("raw"), "raw", wrong), _pair(said.get("range"), "range", wrong))
 
 
 def _pair(entry: Any, name: str, wrong: Any) -> tuple[float, float]:

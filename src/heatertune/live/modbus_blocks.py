@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any, Final, NamedTuple
 
-from heatertune.live.block_memory import ALL, MODBUS, CellAddress, Laid, Layout, Signal, members, registers
+from heatertune.live.block_memory import ALL, MODBUS, BlockSignal, CellAddress, Laid, Layout, members, registers
 from heatertune.plc import Words
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import ControllerState
@@ -161,7 +161,7 @@ class InstrumentBlock(Laid):
         super().__init__(controller, words, assume)
         self._good = dict(words.values)
 
-    def _signals(self, degC: tuple[float, float]) -> dict[str, Signal]:  # noqa: ARG002 - shown in °C
+    def _signals(self, degC: tuple[float, float]) -> dict[str, BlockSignal]:  # noqa: ARG002 - shown in °C
         places = {"temperature": self.layout.reading, "power": self.layout.power,
                   "setpoint": self._working or self.layout.setpoint}
         return {name: self._signal(place, (0.0, self._digits)) for name, place in places.items()}

@@ -27,7 +27,7 @@ from asyncua import Server, ua
 from asyncua.server.address_space import AttributeService
 
 from heatertune.errors import OutOfRange
-from heatertune.live.block_memory import STRUCTS, Access, BlockMemory, Refusal, Signal
+from heatertune.live.block_memory import STRUCTS, Access, BlockMemory, BlockSignal, Refusal
 from heatertune.live.controller_block import ServedBlock
 from heatertune.live.plc import VirtualPlc
 from heatertune.live.simulator_status import OWN, OWN_CELLS
@@ -158,7 +158,7 @@ def _number(name: str, block: int, start: int, code: str, *, written: bool) -> N
                 of=lambda found: form.unpack(found)[0], to=to if written else None)
 
 
-def _quantity(name: str, block: int, signal: Signal, unit: str, *, written: bool) -> NodeVariable:
+def _quantity(name: str, block: int, signal: BlockSignal, unit: str, *, written: bool) -> NodeVariable:
     """Return the cell of a quantity that a block shows."""
 
     def to(value: Any) -> bytes:

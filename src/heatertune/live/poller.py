@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from heatertune.errors import InputError, LinkDown
-from heatertune.live.block_memory import Signal
+from heatertune.live.block_memory import BlockSignal
 from heatertune.live.client.connection import Address, Client, ClosesOnExit, SignOfLife, connect, told_by
 from heatertune.live.controller_block import Places
 from heatertune.live.simulator_status import OWN, OWN_CELLS
@@ -128,8 +128,8 @@ class StillSensor:
 
 
 #: what the simulator's own block shows itself, where nobody says what stands in the controller's
-_OWN_SIGNALS: Final = {"temperature": Signal(OWN_CELLS["temperature_degC"][0], "LREAL"),
-                       "power": Signal(OWN_CELLS["power_pct"][0], "LREAL")}
+_OWN_SIGNALS: Final = {"temperature": BlockSignal(OWN_CELLS["temperature_degC"][0], "LREAL"),
+                       "power": BlockSignal(OWN_CELLS["power_pct"][0], "LREAL")}
 _TURN: Final = 1 << 32
 
 
@@ -189,7 +189,7 @@ class Poller(ClosesOnExit):
         self.interval_s = own.interval_s if own else counter.interval_s if counter else None
 
     @property
-    def roles(self) -> Mapping[str, Signal]:
+    def roles(self) -> Mapping[str, BlockSignal]:
         """What is seen, and where it stands."""
         return self._places.signals
 

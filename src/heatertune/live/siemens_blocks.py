@@ -14,11 +14,11 @@ from heatertune.errors import InputError
 from heatertune.live.block_memory import (
     BLOCKS,
     WORDS,
+    BlockSignal,
     CellAddress,
     Laid,
     Layout,
     RegisterRange,
-    Signal,
     bytes_of,
     field_of,
     members,
@@ -93,7 +93,7 @@ class PidTipBlock(Laid):
 
     layout = PID_TIP_LAYOUT
 
-    def _signals(self, degC: tuple[float, float]) -> dict[str, Signal]:
+    def _signals(self, degC: tuple[float, float]) -> dict[str, BlockSignal]:
         full = (0, FULL_SCALE)
         return {"temperature": self._signal(PID_TIP_READING, full, degC),
                 "power": self._signal(PID_TIP_POWER, full, (0, 100)),
@@ -172,10 +172,10 @@ class Ob251Block:
         self._fields, self._image, self._assume = controller.fields, to_image(words), assume
         degC = words.scaling.low_degC, words.scaling.high_degC
         self.signals = {
-            name: Signal(place, "INT", (0, S5_FULL_SCALE), shown)
+            name: BlockSignal(place, "INT", (0, S5_FULL_SCALE), shown)
             for name, place, shown in (("temperature", _X, degC), ("power", _YA, (0, 100)), ("setpoint", _W, degC))}
-        self.words = {field.name: Signal(2 * PLACES[field.name], field.format) for field in self._fields}
-        self.words["STEU"] = Signal(_STEU, "BYTE")  # the high byte belongs to the operating system
+        self.words = {field.name: BlockSignal(2 * PLACES[field.name], field.format) for field in self._fields}
+        self.words["STEU"] = BlockSignal(_STEU, "BYTE")  # the high byte belongs to the operating system
         self.bits: dict[str, tuple[int, int]] = {}
         self._asked: Number | None = None
         self._words, self._parameters = b"", parameters_of(words.whole)
@@ -302,7 +302,7 @@ class _VMemory:
             assume: what the manual leaves open.
         """
         self._fields = [field for field in controller.fields if field.address[:2] in _WIDTHS]
-        self.words = {field.name: Signal(int(field.address[2:]), field.format) for field in self._fields
+        self.words = {field.name: BlockSignal(int(field.address[2:]), field.format) for field in self._fields
                       if field.format == "REAL"}  # the program has its ticks as constants
         self.bits: dict[str, tuple[int, int]] = {}
         self._timed, self._cold = controller.begin(words, assume)
@@ -317,7 +317,7 @@ class _VMemory:
         """Return a CPU before its first scan."""
         return own(self._cold)
 
-    def _signals(self, degC: tuple[float, float]) -> dict[str, Signal]:
+    def _signals(self, degC: tuple[float, float]) -> dict[str, BlockSignal]:
         """Return what it shows; `degC` are both ends of the sensor."""
         raise NotImplementedError
 
@@ -351,9 +351,9 @@ class _VMemory:
 class PidMemory(_VMemory):
     """Of the program of the PID instruction: its loop table, REALs as shares of the range, begins at VB100."""
 
-    def _signals(self, degC: tuple[float, float]) -> dict[str, Signal]:
+    def _signals(self, degC: tuple[float, float]) -> dict[str, BlockSignal]:
         shown = {"temperature": (_READING, degC), "power": (_POWER, (0.0, 100.0)), "setpoint": (_SETPOINT, degC)}
-        return {name: Signal(place.byte, "REAL", shown=scale) for name, (place, scale) in shown.items()}
+        return {name: BlockSignal(place.byte, "REAL", shown=scale) for name, (place, scale) in shown.items()}
 
     def scan(self, cells: bytearray, state: S7200State, setpoint: Number, reading: Number) -> tuple[S7200State, float,
                                                                                                     int, int]:
@@ -372,8 +372,8 @@ class PidMemory(_VMemory):
 class PaperMemory(_VMemory):
     """Of the paper's program, repaired: reading in VW0, error in VW10."""
 
-    def _signals(self, degC: tuple[float, float]) -> dict[str, Signal]:
-        return {"temperature": Signal(0, "INT", (0, COUNTS), degC)}
+    def _signals(self, degC: tuple[float, float]) -> dict[str, BlockSignal]:
+        return {"temperature": BlockSignal(0, "INT", (0, COUNTS), degC)}
 
     def scan(self, cells: bytearray, state: S7200State, setpoint: Number, reading: Number) -> tuple[S7200State, float,
                                                                                                     int, int]:
@@ -423,7 +423,7 @@ class ContCBlock(Laid):
 
     layout = CONT_C_LAYOUT
 
-    def _signals(self, degC: tuple[float, float]) -> dict[str, Signal]:
+    def _signals(self, degC: tuple[float, float]) -> dict[str, BlockSignal]:
         return super()._signals(degC) | {"temperature": self._signal(_PV)}  # PV_PER needs PV_FAC and PV_OFF
 
     def ask(self, cells: bytearray, running: ControllerState, setpoint: Number) -> None:

@@ -635,10 +635,7 @@ class FittedModel(NotebookDisplay, Dynamics):
 
     @property
     def heaters(self) -> tuple[tuple[str, HeaterModel], ...]:
-        """Every plausible heater with its label, once each, with no dead time below the plausible minimum.
-
-        Without candidates, only the working model.
-        """
+        """Every plausible heater, once, with its label and a plausible dead time; without candidates the model."""
         given = [(c.label, c.model) for c in self.candidates] or [("by hand", self.model)]
         return self._believed(given)
 

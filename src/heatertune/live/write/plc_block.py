@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 from heatertune.errors import InputError, LinkDown, LinkError, PlcRefused, ReplyLost
-from heatertune.live.block_memory import Signal, bytes_of, field_of
+from heatertune.live.block_memory import BlockSignal, bytes_of, field_of
 from heatertune.live.client.connection import Address, Client, ClosesOnExit, SignOfLife, connect, told_by
 from heatertune.live.controller_block import SERVED, ServedBlock, block_for
 from heatertune.live.hold import HOST, Clock
@@ -121,7 +121,7 @@ class BlockImage:
         """Return a signal of the block, see `heatertune.live.controller_block.ServedBlock`."""
         return self._of(content, self.block.signals[role])
 
-    def _of(self, content: bytes, signal: Signal) -> float:
+    def _of(self, content: bytes, signal: BlockSignal) -> float:
         return signal.of(content, signal.start - self.at(signal.start))
 
     def with_words(self, content: bytes, values: Mapping[str, Number]) -> bytes:
@@ -160,10 +160,10 @@ class BlockImage:
         return [WritePart(tuple(names), first, content[self.at(first) : self.at(first) + last - first],
                      then[self.at(first) : self.at(first) + last - first]) for names, first, last in runs]
 
-    def _changed(self, now: Mapping[str, Number], values: Mapping[str, Number]) -> Iterator[tuple[str, Signal]]:
+    def _changed(self, now: Mapping[str, Number], values: Mapping[str, Number]) -> Iterator[tuple[str, BlockSignal]]:
         return ((name, self.block.words[name]) for name, value in values.items() if now[name] != value)
 
-    def _around(self, signal: Signal) -> tuple[int, int]:
+    def _around(self, signal: BlockSignal) -> tuple[int, int]:
         begin = signal.start - signal.start % self.whole
         return begin, signal.start + signal.size + (signal.start + signal.size) % self.whole
 
