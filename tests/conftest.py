@@ -18,7 +18,7 @@ from hypothesis import HealthCheck, settings
 
 from heatertune.chain import precompile
 from heatertune.compiled import dispatch
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.processors import processors
 
 sys.dont_write_bytecode = False  # for this process, which rewrites the tests' asserts, and for the commands that tests start:

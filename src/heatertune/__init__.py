@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from heatertune.lazy import lazy_attributes
 from heatertune.show import run_by, shown_by, stored_by
 
-__version__ = "0.12.0"
+__version__ = "0.13.0"
 
 __all__ = [
     "Actuator", "Conditions", "DesignRequest", "FitSettings", "FittedModel", "Fopdt", "HeatertuneError", "InputError",
@@ -52,13 +52,13 @@ if TYPE_CHECKING:
     from heatertune.chain.facade import controller, decode, iae_load, margins, simulate
     from heatertune.errors import HeatertuneError, InputError, NotRepresentable
     from heatertune.live.serve import virtual_plc
-    from heatertune.log.values import Log
+    from heatertune.log.log_values import Log
     from heatertune.model.experiment.fisher import ReadingNoise
+    from heatertune.model.model_values import FittedModel, Fopdt, TwoLag, model_by_hand
     from heatertune.model.statistics import Interval
-    from heatertune.model.values import FittedModel, Fopdt, TwoLag, model_by_hand
     from heatertune.pid.alternatives import alternatives, front
+    from heatertune.pid.design_values import PidDesign
     from heatertune.pid.search.robust import draw_heaters
-    from heatertune.pid.values import PidDesign
     from heatertune.plc import Scaling, Words
     from heatertune.plc.word_selection import choose_words
     from heatertune.proof import Actuator, Load, LoopLimits, Proof, Scenario, TemperatureStep
@@ -80,13 +80,13 @@ __getattr__, __dir__ = lazy_attributes(__name__, {
     "chain.facade": ("controller", "decode", "iae_load", "margins", "simulate"),
     "errors": ("HeatertuneError", "InputError", "NotRepresentable"),
     "live.serve": ("virtual_plc",),
-    "log.values": ("Log",),
-    "model.values": ("model_by_hand", "FittedModel", "Fopdt", "TwoLag"),
+    "log.log_values": ("Log",),
+    "model.model_values": ("model_by_hand", "FittedModel", "Fopdt", "TwoLag"),
     "model.experiment.fisher": ("ReadingNoise",),
     "model.statistics": ("Interval",),
     "pid.alternatives": ("alternatives", "front"),
     "pid.search.robust": ("draw_heaters",),
-    "pid.values": ("PidDesign",),
+    "pid.design_values": ("PidDesign",),
     "plc": ("Scaling", "Words"),
     "plc.word_selection": ("choose_words",),
     "proof": ("Actuator", "LoopLimits", "Load", "Proof", "Scenario", "TemperatureStep"),

@@ -15,10 +15,10 @@ import numpy as np
 
 from heatertune.codec import register_schema
 from heatertune.compiled import decide
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.model.fit import fit
-from heatertune.model.values import Fopdt
-from heatertune.pid.values import PidDesign
+from heatertune.model.model_values import Fopdt
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Controller, Scaling, Words, controller_for
 from heatertune.plc.open_points import settings_of
 from heatertune.processors import ProgressCallback, processors

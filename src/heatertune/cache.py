@@ -93,9 +93,9 @@ def _head(text: bytes, name: str, secret: bytes) -> bytes:
     return f"{_SCHEMA} hmac-sha256:{signed}\n".encode()
 
 
-def _document(kept: bytes, name: str, secret: bytes) -> dict[str, Any]:
+def _document(content: bytes, name: str, secret: bytes) -> dict[str, Any]:
     """Return the document of a kept file; raise ValueError where it is not as this machine wrote it."""
-    first, _, text = kept.partition(b"\n")
+    first, _, text = content.partition(b"\n")
     if not hmac.compare_digest(first + b"\n", _head(text, name, secret)):
         raise ValueError("the file was changed")
     document = json.loads(text)

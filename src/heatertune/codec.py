@@ -244,16 +244,16 @@ def schema_of(kind: type) -> str | None:
     return _SCHEMAS.get(kind)
 
 
-def construct_from(kind: type[T], *sources: object, **given: Any) -> T:
+def construct_from(kind: type[T], *sources: object, **value: Any) -> T:
     """Return a dataclass whose fields are given or, else, attributes of that name of the first source that has one.
 
     So a value is made of its view and a view of its value: what they share needs no line.
     """
-    for name in (field.name for field in fields(cast("Any", kind)) if field.init and field.name not in given):
+    for name in (field.name for field in fields(cast("Any", kind)) if field.init and field.name not in value):
         held = [item for source in sources if hasattr(source, name) and not callable(item := getattr(source, name))]
         if held:
-            given[name] = held[0]
-    return kind(**given)
+            value[name] = held[0]
+    return kind(**value)
 
 
 def encode(value: Any) -> Any:

@@ -139,7 +139,7 @@ def _ipopt() -> InstallationCheck:
 def _tables() -> InstallationCheck:
     def look() -> tuple[str, bool]:
         from heatertune.log import read_log
-        from heatertune.log.values import BUILT_IN
+        from heatertune.log.log_values import BUILT_IN
 
         return ", ".join(f"{name}: {len(read_log(name).time_s)} readings" for name in BUILT_IN), True
 

@@ -52,9 +52,9 @@ def closest(name: str, names: Iterable[str]) -> str | None:
     return lower[near[0]] if near and len(name) > _SHORT else None
 
 
-def did_you_mean(name: str, known: Iterable[str]) -> str:
+def did_you_mean(name: str, names: Iterable[str]) -> str:
     """Return ": did you mean …?" where a known name is near to one that is not; else nothing."""
-    near = closest(name, known)
+    near = closest(name, names)
     return "" if near is None else f": did you mean {near}?"
 
 
@@ -111,8 +111,8 @@ class DocumentError(InputError):
 class UnknownName(InputError):
     """Raised when a name is not one of those that exist."""
 
-    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
-        self.kind, self.name, self.known = kind, name, tuple(known)
+    def __init__(self, kind: str, name: str, names: Iterable[str]) -> None:
+        self.kind, self.name, self.known = kind, name, tuple(names)
         near = closest(name, self.known)
         meant = "" if near is None else f"; did you mean {near!r}?"
         super().__init__(f"unknown {kind} {name!r}{meant or ';'} known: {', '.join(self.known)}")

@@ -158,7 +158,7 @@ class Option:
         keywords |= {"nargs": "+"} if self.several else {"nargs": 2, "metavar": self.pair} if self.pair else {}
         return keywords | ({} if self._texts or self.kind is str else {"type": self.kind})
 
-    def read(self, given: Any) -> Any:
+    def read(self, value: Any) -> Any:
         """Return the value of what the command line holds.
 
         Raises:
@@ -166,33 +166,33 @@ class Option:
             InputError: no value of this kind, or too many.
         """
         if self.kind is dict:
-            given = _pairs(self.flag, given)
+            value = _pairs(self.flag, value)
         elif self.kind is tuple or self.pair:
-            given = None if given is None else tuple(given)
-        elif self.several and given is not None:
-            if len(given) > 2:
-                raise InputError(f"{self.flag} has {len(given)} values; expected one, or LOW HIGH")
-            given = given[0] if len(given) == 1 else tuple(given)
+            value = None if value is None else tuple(value)
+        elif self.several and value is not None:
+            if len(value) > 2:
+                raise InputError(f"{self.flag} has {len(value)} values; expected one, or LOW HIGH")
+            value = value[0] if len(value) == 1 else tuple(value)
         elif self._texts:
-            given = self._number(given)
-        self.check(given, self.flag)
-        return given
+            value = self._number(value)
+        self.check(value, self.flag)
+        return value
 
     @property
     def _texts(self) -> Sequence[str]:
         return (*self.automatic, *self.or_text)
 
-    def _number(self, given: str | None) -> float | str | None:
-        if given is None or given in self.automatic:
+    def _number(self, text: str | None) -> float | str | None:
+        if text is None or text in self.automatic:
             return None
         try:
-            return given if given in self.or_text else float(point_of(given))
+            return text if text in self.or_text else float(point_of(text))
         except ValueError as problem:
             *first, last = self._texts
             expected = ", ".join(["seconds" if self.unit == "s" else self.unit, *first])
-            meant = did_you_mean(given, self._texts).removeprefix(": ")
+            meant = did_you_mean(text, self._texts).removeprefix(": ")
             near = f"; {meant}" if meant else ""
-            raise InputError(f"{self.flag} is {given!r}{near}; expected {expected} or {last}") from problem
+            raise InputError(f"{self.flag} is {text!r}{near}; expected {expected} or {last}") from problem
 
 
 def point_of(text: str) -> str:
@@ -367,8 +367,8 @@ def provided_options(kind: type, namespace: Namespace) -> dict[str, Any]:
             if hasattr(namespace, one.dest)}
 
 
-def _pairs(flag: str, given: Sequence[str]) -> dict[str, str]:
-    pairs = [text.partition("=") for text in given]
+def _pairs(flag: str, arguments: Sequence[str]) -> dict[str, str]:
+    pairs = [text.partition("=") for text in arguments]
     for name, equals, _ in pairs:
         if not equals:
             raise InputError(f"{flag} {name!r} has no setting; expected NAME=SETTING")

@@ -9,11 +9,10 @@ import numpy as np
 from heatertune import chain
 from heatertune.chain.pipeline import dossier
 from heatertune.codec import to_json
-from heatertune.log.values import Log
-from heatertune.model import document as model_document
+from heatertune.log.log_values import Log
+from heatertune.model import model_document
 from heatertune.model.findings import Finding
-from heatertune.model.statistics import Interval
-from heatertune.model.values import (
+from heatertune.model.model_values import (
     Candidate,
     FitOutcome,
     FittedModel,
@@ -27,8 +26,9 @@ from heatertune.model.values import (
     Validation,
     model_by_hand,
 )
-from heatertune.pid import document as pid_document
-from heatertune.pid.values import Margins, PidDesign, Promise
+from heatertune.model.statistics import Interval
+from heatertune.pid import design_document as pid_document
+from heatertune.pid.design_values import Margins, PidDesign, Promise
 from heatertune.plc import controller_for
 from heatertune.writing import write_files
 

@@ -17,7 +17,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))  # started as a file, the tes
 
 from heatertune.cache import cache_disabled
 from heatertune.errors import HeatertuneError
-from heatertune.model.values import Fopdt, model_by_hand
+from heatertune.model.model_values import Fopdt, model_by_hand
 from heatertune.proof.design_request import DesignRequest
 from heatertune.proof.monte_carlo.run import run_samples
 from heatertune.proof.redesign.on_samples import closed_on_samples

@@ -23,7 +23,7 @@ import numpy as np
 
 from heatertune.errors import HeatertuneError
 from heatertune.log import read_log
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 
 START = datetime(2026, 3, 1, 23, 50)
 

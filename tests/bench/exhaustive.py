@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import minimize
 
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.model.power.open_loop import PowerProblem
 from heatertune.model.power.regressors import Readings
 

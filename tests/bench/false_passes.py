@@ -35,9 +35,9 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[2]))  # started as a file, the tests are no package yet
 
 from heatertune.errors import HeatertuneError
-from heatertune.model.values import Fopdt, TwoLag
+from heatertune.model.model_values import Fopdt, TwoLag
+from heatertune.pid.design_values import PidDesign, structure_of
 from heatertune.pid.sampled_loop import margins
-from heatertune.pid.values import PidDesign, structure_of
 from heatertune.plc import Boost, Scaling, controller_for
 from heatertune.proof import Acceptance, Coverage, prove_models
 from heatertune.proof.prove_words import actuator_for, course_for, limits_of

@@ -14,11 +14,11 @@ from identification import answer, course_script
 from scipy.optimize import curve_fit
 from scipy.signal import lfilter
 
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.model.fit import fit
+from heatertune.model.model_values import Fopdt
 from heatertune.model.power.open_loop import PowerProblem
 from heatertune.model.power.regressors import Readings
-from heatertune.model.values import Fopdt
 
 PLANT = Fopdt(gain_degC_per_pct=0.9, time_constant_s=180.0, dead_time_s=12.3, ambient_degC=20.0)
 START = (0.6, 260.0, 8.0)

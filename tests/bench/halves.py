@@ -15,9 +15,9 @@ import numpy as np
 
 from heatertune.errors import InputError, OutOfRange
 from heatertune.log import read_log
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.model.fit import fit
-from heatertune.model.values import FitOutcome
+from heatertune.model.model_values import FitOutcome
 
 PARAMETERS = ("gain_degC_per_pct", "time_constant_s", "dead_time_s")
 #: file → what its reader has to be told

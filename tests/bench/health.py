@@ -61,8 +61,8 @@ def examined(loops, folder, *, target="", switch=(0, False, True)):
 
 def _model(loop, folder):
     """Write the heater that a loop's words were made for, as the user gave it by hand; return its entry of the list."""
-    from heatertune.model.document import to_document  # noqa: PLC0415
-    from heatertune.model.values import Fopdt, model_by_hand  # noqa: PLC0415
+    from heatertune.model.model_document import to_document  # noqa: PLC0415
+    from heatertune.model.model_values import Fopdt, model_by_hand  # noqa: PLC0415
 
     gain, lag = loop.before
     model = model_by_hand(Fopdt(gain_degC_per_pct=gain, time_constant_s=lag + loop.second / 2.0,

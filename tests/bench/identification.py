@@ -24,9 +24,9 @@ from scipy.optimize import OptimizeWarning, curve_fit
 from scipy.signal import lfilter
 
 from heatertune.errors import InputError
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.model.fit import fit
-from heatertune.model.values import Fopdt
+from heatertune.model.model_values import Fopdt
 
 INPUTS = ("step", "doublet", "levels", "pulse")
 NOISES = ("white", "coloured", "8-bit")

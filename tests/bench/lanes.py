@@ -22,8 +22,8 @@ sys.path.insert(0, str(Path(__file__).parents[2]))  # started as a file, the tes
 
 from heatertune.compiled import dispatch
 from heatertune.errors import HeatertuneError
-from heatertune.model.values import Fopdt, TwoLag
-from heatertune.pid.values import PidDesign
+from heatertune.model.model_values import Fopdt, TwoLag
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.open_points import settings_of
 from heatertune.proof import (

@@ -24,8 +24,8 @@ import numpy as np
 import yardsticks
 
 from heatertune.compiled import dispatch
-from heatertune.model.values import Fopdt
-from heatertune.pid.values import PidDesign
+from heatertune.model.model_values import Fopdt
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.core import StepFunctions
 from heatertune.plc.open_points import settings_of

@@ -16,8 +16,8 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[2]))  # started as a file, the tests are no package yet
 
 from heatertune.errors import NotRepresentable, OutOfRange
-from heatertune.model.values import Fopdt, TwoLag
-from heatertune.pid.values import PidDesign
+from heatertune.model.model_values import Fopdt, TwoLag
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import TARGETS, Scaling, controller_for
 from heatertune.proof import (
     Acceptance,

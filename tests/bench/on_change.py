@@ -19,7 +19,7 @@ import numpy as np
 
 from heatertune.log import read_log
 from heatertune.model.fit import fit
-from heatertune.model.values import FittedModel
+from heatertune.model.model_values import FittedModel
 
 STEP_S = 0.1
 LATE = 0.3  # intervals by which `long_late` stamps a reading late, at most

@@ -16,7 +16,7 @@ from scipy.optimize import minimize
 
 from heatertune.compiled import compile_function
 from heatertune.errors import InputError
-from heatertune.model.values import Fopdt
+from heatertune.model.model_values import Fopdt
 from heatertune.pid import continuous_loop as continuous
 from heatertune.pid.continuous_optimum import ContinuousProblem, global_optimum, margins, optimum, response_grid
 from heatertune.pid.specs import Specs

@@ -32,7 +32,7 @@ import numpy as np
 from heatertune.chain.stages import fit
 from heatertune.errors import HeatertuneError
 from heatertune.log import read_log
-from heatertune.model.values import Fopdt, TwoLag, model_by_hand
+from heatertune.model.model_values import Fopdt, TwoLag, model_by_hand
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.open_points import settings_to_prove
 from heatertune.proof.heaters import holding_heaters

@@ -42,7 +42,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from heatertune.errors import HeatertuneError
-from heatertune.model.values import Fopdt, model_by_hand
+from heatertune.model.model_values import Fopdt, model_by_hand
 from heatertune.plc import Scaling, controller_for
 from heatertune.proof.redesign import DesignRequest, find_passing_design
 from heatertune.settings import Conditions

@@ -207,7 +207,7 @@ def decoded(case, text=None, called_every=None, heater=None):
     controller = controller_for(case.target)
     machine = read_machine(
         controller, (case.text if text is None else text).encode(), sample_time_s=called_every or case.called_every, scaling=Scaling(),
-        source="paste.txt", known={} if heater is None else {"heater": heater})
+        source="paste.txt", stated={} if heater is None else {"heater": heater})
     return machine, realised_design(controller, machine.words)
 
 

@@ -24,7 +24,7 @@ from dataclasses import replace
 from functools import cache
 
 from heatertune.errors import HeatertuneError
-from heatertune.model.values import model_by_hand
+from heatertune.model.model_values import model_by_hand
 from heatertune.pid.sampled_loop import margins
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.core import ControllerState, StepFunctions

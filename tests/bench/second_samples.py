@@ -38,8 +38,8 @@ sys.path.insert(0, str(Path(__file__).parents[2]))  # started as a file, the tes
 from heatertune.chain.stages import fit
 from heatertune.errors import HeatertuneError
 from heatertune.log import read_log
-from heatertune.model.document import to_document
-from heatertune.model.values import Fopdt
+from heatertune.model.model_document import to_document
+from heatertune.model.model_values import Fopdt
 from heatertune.plc import Scaling, controller_for
 from heatertune.proof.criteria import columns_of
 from heatertune.proof.design_request import DesignRequest

@@ -19,7 +19,7 @@ from heatertune.errors import HeatertuneError
 from heatertune.log import read_log
 from heatertune.model.findings import KINDS
 from heatertune.model.fit import fit
-from heatertune.model.values import FittedModel
+from heatertune.model.model_values import FittedModel
 
 HELD, NEAR, OPEN, REFUSED, WRONG = "held", "near", "not proven", "refused", "WRONG HEATER"
 CLASSES = (HELD, NEAR, OPEN, REFUSED, WRONG)

@@ -25,9 +25,9 @@ import numpy as np
 import heatertune as ht
 from heatertune.codec import decode, plain
 from heatertune.errors import HeatertuneError
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.proof.as_left import as_left
-from heatertune.proof.document import ProofView
+from heatertune.proof.proof_document import ProofView
 
 
 def lab(tclab, power, ambient, seed):

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from heatertune.model.values import TwoLag, model_by_hand
+from heatertune.model.model_values import TwoLag, model_by_hand
 from heatertune.plc import Boost, Scaling, Words, controller_for
 from heatertune.plc.open_points import settings_to_prove
 from heatertune.plc.single_precision import single

@@ -5,7 +5,7 @@ import pytest
 
 from heatertune.chain.stages import fit
 from heatertune.log import read_log
-from heatertune.model.values import FitOutcome
+from heatertune.model.model_values import FitOutcome
 from tests.bench import blind
 
 THERMOSTATS = ["thermostat", "slow thermostat"]

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heatertune.model.values import model_by_hand
+from heatertune.model.model_values import model_by_hand
 from heatertune.plc import Boost, controller_for
 from heatertune.plc.open_points import settings_to_prove
 from heatertune.plc.single_precision import single

@@ -9,7 +9,7 @@ import pytest
 
 from heatertune.cli import main
 from heatertune.errors import HeatertuneError
-from heatertune.pid.values import PidDesign
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import TARGETS, Certificate, Scaling, controller_for
 from heatertune.plc.dump_reader import read_machine, realised_design
 from tests.bench.pasted_words import ASKED, CASES, MAKERS, RIGHT, decoded, is_right, judge, lines_left_out

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heatertune.model.values import Fopdt, model_by_hand
+from heatertune.model.model_values import Fopdt, model_by_hand
 from heatertune.pid.sampled_loop import margins
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.design import tune

@@ -6,8 +6,8 @@ import pytest
 
 from heatertune.chain.stages import fit
 from heatertune.errors import InputError, OutOfRange
+from heatertune.model.model_values import FitOutcome
 from heatertune.model.temperature.two_level import Thermostat
-from heatertune.model.values import FitOutcome
 from tests.bench import two_level, whose_heater
 
 

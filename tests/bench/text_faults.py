@@ -18,8 +18,8 @@ from pathlib import Path
 
 import numpy as np
 
-from heatertune.model.values import Fopdt
-from heatertune.pid.values import PidDesign, structure_of
+from heatertune.model.model_values import Fopdt
+from heatertune.pid.design_values import PidDesign, structure_of
 from heatertune.plc import Boost, Certificate, Ramp, Scaling, controller_for
 from heatertune.plc.pwm import switched_by
 from heatertune.proof import Scenario, TemperatureStep, simulate

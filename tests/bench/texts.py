@@ -18,7 +18,7 @@ import numpy as np
 from heatertune.compiled import dispatch
 from heatertune.errors import InputError
 from heatertune.plc.cpu.iec.machine import KEEP, Tape, TextProgram
-from heatertune.plc.cpu.iec.text import units
+from heatertune.plc.cpu.iec.st_syntax import units
 
 REALS, WHOLES, BOOLS = ("x", "y", "z"), ("n", "m", "k"), ("p", "q")
 DECLARED = ("VAR\n  x : REAL := 1.5;\n  y : REAL;\n  z : REAL;\n  n : DINT := 3;\n  m : INT;\n  k : UINT;\n  p : BOOL := TRUE;\n"

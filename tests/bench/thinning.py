@@ -20,9 +20,9 @@ import numpy as np
 
 from heatertune.errors import HeatertuneError
 from heatertune.log import read_log
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.model.fit import fit
-from heatertune.model.values import FittedModel
+from heatertune.model.model_values import FittedModel
 from tests.bench import on_change
 
 REAL = Path(__file__).parents[3] / "shared" / "data" / "logs" / "normalised"

@@ -14,7 +14,7 @@ from collections import Counter
 import numpy as np
 
 from heatertune.errors import InputError
-from heatertune.model.values import Candidate, FitOutcome, FittedModel, Fopdt, TwoLag, model_by_hand
+from heatertune.model.model_values import Candidate, FitOutcome, FittedModel, Fopdt, TwoLag, model_by_hand
 from heatertune.pid.continuous_optimum import margins as continuous_margins
 from heatertune.pid.sampled_loop import margins, noise_gain
 from heatertune.pid.tune import tune

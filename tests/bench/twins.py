@@ -17,9 +17,9 @@ from scipy.signal import lfilter
 
 from heatertune.errors import InputError
 from heatertune.log import read_log
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.model.fit import fit
-from heatertune.model.values import Fopdt
+from heatertune.model.model_values import Fopdt
 
 PARAMETERS = ("gain_degC_per_pct", "time_constant_s", "dead_time_s")
 LEAST_FIT_PCT = 85.0

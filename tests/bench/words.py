@@ -12,7 +12,7 @@ import time
 import numpy as np
 
 from heatertune.errors import HeatertuneError
-from heatertune.model.values import Fopdt, model_by_hand
+from heatertune.model.model_values import Fopdt, model_by_hand
 from heatertune.pid.sampled_loop import iae_load, margins
 from heatertune.pid.search.feasible import Problem, search
 from heatertune.plc import Scaling, Words, controller_for

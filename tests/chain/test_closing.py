@@ -11,8 +11,8 @@ from heatertune.chain.stages import fit
 from heatertune.codec import decode
 from heatertune.errors import InputError, NotRepresentable, OutOfRange
 from heatertune.log import read_log
-from heatertune.model.values import Fopdt, model_by_hand
-from heatertune.pid.document import DesignProvenance, PidView, to_document
+from heatertune.model.model_values import Fopdt, model_by_hand
+from heatertune.pid.design_document import DesignProvenance, PidView, to_document
 from heatertune.plc import Scaling
 from heatertune.proof import TestSequence
 from heatertune.proof.design_request import DesignRequest, plainly

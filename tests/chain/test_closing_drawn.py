@@ -11,11 +11,11 @@ from heatertune.chain import export, prove
 from heatertune.cli import main
 from heatertune.codec import decode
 from heatertune.errors import ExportRefused, InputError
-from heatertune.model.values import Fopdt, model_by_hand
-from heatertune.pid.document import PidView, to_document
+from heatertune.model.model_values import Fopdt, model_by_hand
+from heatertune.pid.design_document import PidView, to_document
 from heatertune.proof.design_request import DesignRequest
-from heatertune.proof.document import check_document
 from heatertune.proof.monte_carlo.run import run_samples, with_samples
+from heatertune.proof.proof_document import check_document
 from heatertune.proof.redesign import closed_on_runs, on_samples
 from heatertune.proof.redesign.on_samples import closed_on_samples
 from heatertune.proof.repetition import made_again

@@ -9,7 +9,7 @@ import pytest
 
 import heatertune as ht
 from heatertune.errors import InputError, OutOfRange, UnknownName
-from heatertune.model.values import DEFAULT_PADE
+from heatertune.model.model_values import DEFAULT_PADE
 
 HEATERS = {
     "one lag": ht.Fopdt(gain_degC_per_pct=0.8, time_constant_s=120.0, dead_time_s=8.0, ambient_degC=21.0),

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from heatertune.chain import prove
-from heatertune.model.values import Fopdt, model_by_hand
+from heatertune.model.model_values import Fopdt, model_by_hand
 from heatertune.plc import Scaling
 from heatertune.proof.design_request import DesignRequest, plainly
 from heatertune.proof.redesign import find_passing_design

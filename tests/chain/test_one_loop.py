@@ -5,8 +5,8 @@ import math
 
 import pytest
 
+from heatertune.model.model_values import Candidate, FitOutcome, FittedModel, Fopdt, model_by_hand
 from heatertune.model.statistics import Interval
-from heatertune.model.values import Candidate, FitOutcome, FittedModel, Fopdt, model_by_hand
 from heatertune.plc import Scaling
 from heatertune.proof import prove
 from heatertune.proof.design_request import DesignRequest, made_for

@@ -4,7 +4,7 @@ import pytest
 
 from heatertune.chain import encode, pipeline, prove, tune
 from heatertune.log import read_log
-from heatertune.model.values import Fopdt, model_by_hand
+from heatertune.model.model_values import Fopdt, model_by_hand
 from heatertune.plc import Scaling
 from heatertune.proof.design_request import DesignRequest
 from heatertune.proof.verdict import verdict_line, wear_text

@@ -8,12 +8,12 @@ from dataclasses import replace
 import pytest
 
 from heatertune.errors import DocumentError, NotRepresentable
+from heatertune.model.model_values import Fopdt, model_by_hand
 from heatertune.model.statistics import Interval
-from heatertune.model.values import Fopdt, model_by_hand
-from heatertune.pid.document import from_document, to_document
+from heatertune.pid.design_document import from_document, to_document
+from heatertune.pid.design_values import Promise
 from heatertune.pid.sampled_loop import iae_load, margins, noise_gain
 from heatertune.pid.search.robust import Open, draw_heaters
-from heatertune.pid.values import Promise
 from heatertune.plc import controller_for
 from heatertune.plc.design import encode, tune
 from heatertune.plc.word_selection import RealisedResult, WordChoice, WordSearch, choose_words

@@ -7,8 +7,8 @@ import pytest
 
 from heatertune.chain.stages import export, fit_known
 from heatertune.errors import ExportRefused, InputError, OutOfRange
-from heatertune.log.values import Log
-from heatertune.model.values import Fopdt, model_by_hand
+from heatertune.log.log_values import Log
+from heatertune.model.model_values import Fopdt, model_by_hand
 from heatertune.plc import Ramp, controller_for
 from heatertune.plc.design import encode, tune
 from heatertune.proof import TestSequence, prove, setpoint_ramp

@@ -2,7 +2,7 @@
 
 import pytest
 
-from heatertune.model.values import Fopdt, model_by_hand
+from heatertune.model.model_values import Fopdt, model_by_hand
 from heatertune.pid.sampled_loop import margins
 from heatertune.plc import controller_for
 from heatertune.plc.design import tune

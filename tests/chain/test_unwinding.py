@@ -16,7 +16,7 @@ from tests.bench.second_opinion import compiled
 
 from heatertune.chain.stages import fit
 from heatertune.log import read_log
-from heatertune.model.values import model_by_hand
+from heatertune.model.model_values import model_by_hand
 from heatertune.plc import Scaling, Words, controller_for
 from heatertune.plc.design import encode, tune
 from heatertune.plc.open_points import settings_to_prove

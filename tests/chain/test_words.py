@@ -8,8 +8,8 @@ import pytest
 
 from heatertune.batch.fleets import zone_row
 from heatertune.errors import NotRepresentable, UnknownName
+from heatertune.model.model_values import Fopdt, model_by_hand
 from heatertune.model.statistics import Interval
-from heatertune.model.values import Fopdt, model_by_hand
 from heatertune.pid.sampled_loop import iae_load, margins
 from heatertune.pid.search.feasible import Problem, search
 from heatertune.plc import controller_for, word_selection

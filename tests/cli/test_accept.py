@@ -7,9 +7,9 @@ from dataclasses import replace
 import pytest
 
 from heatertune.codec import to_json
-from heatertune.model import document
+from heatertune.model import model_document as document
 from heatertune.model.findings import Finding
-from heatertune.model.values import FitOutcome, Fopdt, model_by_hand
+from heatertune.model.model_values import FitOutcome, Fopdt, model_by_hand
 
 HEATER = Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0)
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from heatertune.cli import COMMANDS, parser
-from heatertune.pid.values import PidDesign
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import TARGETS, Certificate, Scaling, controller_for
 from heatertune.processors import processors
 

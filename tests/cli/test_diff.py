@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from tests.bench.documents import write_all
 
-from heatertune.pid.values import PidDesign
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import TARGETS, Certificate, Ramp, Scaling, controller_for
 from heatertune.proof.difference import DeclaredWords, Side, difference, read_sides
-from heatertune.proof.document import with_digest
-from heatertune.report.text import difference_lines
+from heatertune.proof.proof_document import with_digest
+from heatertune.report.report_text import difference_lines
 
 DESIGN = PidDesign(gain_pct_per_degC=2.0, integral_time_s=200.0, derivative_time_s=0.0, sample_time_s=5.0, structure="pi", method="")
 PROVEN = {"verdict": "PASS", "digest": "sha256:0"}

@@ -10,7 +10,7 @@ import pytest
 from heatertune import cache, doctor
 from heatertune.compiled import dispatch
 from heatertune.errors import LogError
-from heatertune.log import values as tables
+from heatertune.log import log_values as tables
 
 
 def _by_name(findings):

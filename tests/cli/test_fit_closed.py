@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from heatertune.codec import to_json
-from heatertune.model.values import Fopdt
-from heatertune.pid.values import PidDesign
+from heatertune.model.model_values import Fopdt
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Scaling, controller_for
 from heatertune.proof import Actuator, Scenario, simulate
 from heatertune.proof.words_file import WORDS_SCHEMA

@@ -9,12 +9,12 @@ from tests.conftest import ROOT, heater_log
 
 from heatertune.batch.fleets import zone_row
 from heatertune.errors import DocumentError, InputError
-from heatertune.model.values import Fopdt, model_by_hand
+from heatertune.model.model_values import Fopdt, model_by_hand
 from heatertune.plc import Boost, Scaling, Words
 from heatertune.proof.monte_carlo.run import sample_document
 from heatertune.proof.redesign import DesignRequest, find_passing_design
 from heatertune.proof.verdict import combined_verdict, verdict_line
-from heatertune.report.text import outcome_lines
+from heatertune.report.report_text import outcome_lines
 from heatertune.settings import Conditions, FitSettings, ReadSettings, SampleSettings, TuneSettings
 
 SAMPLES = SampleSettings(samples=20)

@@ -7,7 +7,7 @@ import pytest
 
 from heatertune.cli.saved_design import in_force
 from heatertune.errors import InputError
-from heatertune.pid.document import DesignProvenance
+from heatertune.pid.design_document import DesignProvenance
 from heatertune.proof.repetition import scaling_of
 from heatertune.settings import Conditions
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 import pytest
 
 from heatertune.codec import to_json
-from heatertune.model.document import to_document
+from heatertune.model.model_document import to_document
+from heatertune.model.model_values import Fopdt, model_by_hand
 from heatertune.model.statistics import Interval
-from heatertune.model.values import Fopdt, model_by_hand
 
 
 @pytest.fixture

@@ -8,9 +8,9 @@ import pytest
 from tests.model.twins import doublet, logged
 
 from heatertune.codec import to_json
-from heatertune.model.document import to_document
-from heatertune.model.values import Fopdt, model_by_hand
-from heatertune.pid.values import PidDesign
+from heatertune.model.model_document import to_document
+from heatertune.model.model_values import Fopdt, model_by_hand
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Scaling, controller_for
 from heatertune.proof import Actuator, Scenario, simulate
 from heatertune.proof.words_file import WORDS_SCHEMA

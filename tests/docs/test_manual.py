@@ -156,7 +156,7 @@ def test_the_reference_is_what_the_program_says_of_itself(site):
     commands = words("commands.html")
     for command in COMMANDS.values():
         assert " ".join(command.example.split()) in " ".join(commands.split())
-    for name in ("chain.stages.fit", "log.values.Log", "plc.controller.Controller", "proof.proof.Proof", "units.check"):
+    for name in ("chain.stages.fit", "log.log_values.Log", "plc.controller.Controller", "proof.proof.Proof", "units.check"):
         page = site / "reference" / f"python_{'common' if name == 'units.check' else name.partition('.')[0]}.html"
         assert f'id="heatertune.{name}"' in page.read_text(encoding="utf-8")
     assert max(path.stat().st_size for path in site.rglob("*.html")) < 1_100_000, "a page that loads at once"

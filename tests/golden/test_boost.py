@@ -12,8 +12,8 @@ import pytest
 from tests.plc.st_machine import Program
 
 from heatertune.errors import InputError, OutOfRange
-from heatertune.model.values import Fopdt
-from heatertune.pid.values import PidDesign
+from heatertune.model.model_values import Fopdt
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Boost, Certificate, Ramp, Scaling, controller_for
 from heatertune.plc.pwm import Actuator
 from heatertune.plc.replay import replay

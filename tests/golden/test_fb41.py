@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from scipy.signal import lfilter
 
 from heatertune.errors import InputError, NotRepresentable, OutOfRange
-from heatertune.model.values import Fopdt
-from heatertune.pid.values import PidDesign, structure_of
+from heatertune.model.model_values import Fopdt
+from heatertune.pid.design_values import PidDesign, structure_of
 from heatertune.plc import Certificate, Scaling, Words, controller_for
 from heatertune.plc.fb41.step import ContCAssumptions, call
 from heatertune.plc.words import holds

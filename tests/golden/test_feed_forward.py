@@ -8,7 +8,7 @@ import pytest
 from tests.golden.test_fb41 import _stub, _words
 
 from heatertune.errors import NotRepresentable, OutOfRange
-from heatertune.pid.values import PidDesign
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Certificate, Scaling, controller_for
 from heatertune.plc.feed_forward import feed_forward
 from heatertune.plc.targets import TARGETS

@@ -11,16 +11,16 @@ from tests.witness.iec_pid import Pid as PrintedWitness
 from tests.witness.iec_pid import RepairedPid as RepairedWitness
 
 from heatertune.errors import NotRepresentable, OutOfRange
-from heatertune.pid.values import PidDesign, structure_of
+from heatertune.pid.design_values import PidDesign, structure_of
 from heatertune.plc import Certificate, Scaling, Words, controller_for
 from heatertune.plc.cpu.iec.machine import TextProgram
-from heatertune.plc.cpu.iec.text import units
+from heatertune.plc.cpu.iec.st_syntax import units
 from heatertune.plc.iec_pid import step as repaired
 from heatertune.plc.iec_pid.export import SOURCE
 from heatertune.plc.iec_pid_text import step as printed
 from heatertune.plc.replay import replay
 from heatertune.plc.single_precision import single, to_single
-from heatertune.plc.st.program import MILLISECONDS, NANOSECONDS, SECONDS, TENS_OF_MS, function_block, time_to_real
+from heatertune.plc.st.program_text import MILLISECONDS, NANOSECONDS, SECONDS, TENS_OF_MS, function_block, time_to_real
 
 ROOM, PRINTED = controller_for("iec-pid"), controller_for("iec-pid-text")
 #: TIME_TO_REAL in NumPy's singles, by unit

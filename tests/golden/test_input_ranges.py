@@ -19,8 +19,8 @@ from tests.golden.test_s7_300_program import DATA, NAMES, Tip
 
 from heatertune.cli import main
 from heatertune.errors import InputError, OutOfRange, UnknownName
-from heatertune.model.values import Fopdt, model_by_hand
-from heatertune.pid.values import PidDesign
+from heatertune.model.model_values import Fopdt, model_by_hand
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Certificate, Ramp, controller_for
 from heatertune.plc.cpu.s7_200 import COLD, assemble, run
 from heatertune.plc.inputs import INPUTS, sensor_scaling

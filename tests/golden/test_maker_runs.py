@@ -25,8 +25,8 @@ from tests.witness.pband import PBand
 
 from heatertune.cli.common import again
 from heatertune.errors import InputError, OutOfRange
-from heatertune.model.values import Fopdt, model_by_hand
-from heatertune.pid.values import PidDesign
+from heatertune.model.model_values import Fopdt, model_by_hand
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Boost, Certificate, Scaling, controller_for
 from heatertune.plc.pwm import Actuator
 from heatertune.proof import Scenario, TemperatureStep, simulate

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.signal import lfilter
 
 from heatertune.errors import InputError, LogError, NotRepresentable, OutOfRange
-from heatertune.pid.values import PidDesign
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Certificate, Scaling, Words, controller_for
 from heatertune.plc.dump_reader import realised_design
 from heatertune.plc.replay import read_inputs

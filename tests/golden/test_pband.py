@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tests.witness.pband import PBand, band_pct
 
-from heatertune.pid.values import PidDesign, structure_of
+from heatertune.pid.design_values import PidDesign, structure_of
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.pband.makes import MAKES
 from heatertune.plc.pband.step import PbandAssumptions, PbandBlock, PbandState, step

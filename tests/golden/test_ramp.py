@@ -15,7 +15,7 @@ from tests.golden.test_fb41 import _stub
 from tests.plc.st_machine import Program
 from tests.witness.setpoint_course import course
 
-from heatertune.pid.values import PidDesign
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Certificate, Ramp, Scaling, controller_for
 from heatertune.plc.cpu.s7_200 import assemble
 from heatertune.plc.fb41.step import scale_reading

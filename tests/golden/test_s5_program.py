@@ -16,8 +16,8 @@ from tests.golden.s5_machine import Controller, Machine, loaded
 
 from heatertune import chain
 from heatertune.chain.pipeline import design
-from heatertune.model.values import Fopdt, TwoLag, model_by_hand
-from heatertune.pid.values import PidDesign
+from heatertune.model.model_values import Fopdt, TwoLag, model_by_hand
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Certificate, Ramp, Scaling, controller_for
 from heatertune.plc.pwm import Actuator, on_time
 from heatertune.proof.design_request import DesignRequest

@@ -11,8 +11,8 @@ from tests.golden import printed, repaired
 
 from heatertune.compiled import compile_function
 from heatertune.errors import InputError, NotRepresentable, OutOfRange
-from heatertune.model.values import Fopdt
-from heatertune.pid.values import PidDesign, structure_of
+from heatertune.model.model_values import Fopdt
+from heatertune.pid.design_values import PidDesign, structure_of
 from heatertune.plc import Certificate, Scaling, Words, controller_for
 from heatertune.plc.cpu.s7_200 import COLD, assemble, run
 from heatertune.plc.cpu.s7_200 import io_and_cycle as cycle

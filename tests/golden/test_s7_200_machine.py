@@ -15,8 +15,8 @@ from tests.golden import s7_200_programs as programs
 from heatertune.compiled import compile_function
 from heatertune.compiled import dispatch as machine
 from heatertune.errors import InputError
-from heatertune.model.values import Fopdt
-from heatertune.pid.values import PidDesign
+from heatertune.model.model_values import Fopdt
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.cpu.s7_200 import assemble
 from heatertune.plc.cpu.s7_200.cpu import carry_out

@@ -11,8 +11,8 @@ import pytest
 
 from heatertune.cli import main
 from heatertune.errors import InputError, OutOfRange
-from heatertune.model.values import Fopdt
-from heatertune.pid.values import PidDesign, structure_of
+from heatertune.model.model_values import Fopdt
+from heatertune.pid.design_values import PidDesign, structure_of
 from heatertune.plc import Certificate, Scaling, Words, controller_for
 from heatertune.plc.cpu.s7_200 import COLD, assemble, run
 from heatertune.plc.s7_200_pid.export import pid_program, to_image

@@ -17,8 +17,8 @@ import pytest
 from heatertune import chain
 from heatertune.chain.pipeline import design
 from heatertune.compiled import compile_function
-from heatertune.model.values import Fopdt, TwoLag, model_by_hand
-from heatertune.pid.values import PidDesign
+from heatertune.model.model_values import Fopdt, TwoLag, model_by_hand
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Certificate, Ramp, Scaling, controller_for
 from heatertune.plc.cpu.s7_200 import COLD, assemble, run
 from heatertune.plc.cpu.s7_200.assembler import block_number

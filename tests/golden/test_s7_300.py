@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from heatertune.errors import InputError, NotRepresentable, OutOfRange, UnknownName
-from heatertune.model.values import Fopdt
-from heatertune.pid.values import PidDesign, structure_of
+from heatertune.model.model_values import Fopdt
+from heatertune.pid.design_values import PidDesign, structure_of
 from heatertune.plc import Certificate, Scaling, Words, controller_for
 from heatertune.plc.cpu.s7_300.machine import real
 from heatertune.plc.s7_300.step import COLD, PidTipAssumptions, PidTipParameters, PidTipState, call, manual

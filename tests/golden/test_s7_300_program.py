@@ -15,8 +15,8 @@ import pytest
 from tests.golden.heater import Heater, told
 from tests.golden.test_fb41 import _Float32, _stub
 
-from heatertune.model.values import Fopdt
-from heatertune.pid.values import PidDesign
+from heatertune.model.model_values import Fopdt
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Certificate, Ramp, Scaling, controller_for
 from heatertune.plc.pwm import Actuator, on_time, pid_compact, pulsegen
 from heatertune.plc.targets import commissioning

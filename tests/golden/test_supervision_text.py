@@ -17,7 +17,7 @@ from tests.proof.test_supervision import random_numbers
 from heatertune.errors import InputError
 from heatertune.plc.cpu.s5.machine import S5Cpu
 from heatertune.supervision.text import s5, s7_200, s7_300, structured
-from heatertune.supervision.text.statements import statements_of
+from heatertune.supervision.text.monitor_statements import statements_of
 
 HEAD = ["a monitor"]
 

@@ -16,7 +16,7 @@ from tests.golden.s7_machine import Machine as S7Machine
 from tests.golden.s7_machine import Stopped
 
 from heatertune.errors import InputError
-from heatertune.pid.values import PidDesign
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Certificate, Scaling, WordField, controller_for
 from heatertune.plc.cpu.s5.machine import S5Cpu
 from heatertune.plc.cpu.s7_300.machine import S7300Cpu as S7Cpu

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from heatertune.errors import NotRepresentable, OutOfRange, UnknownName
-from heatertune.pid.values import PidDesign, structure_of
+from heatertune.pid.design_values import PidDesign, structure_of
 from heatertune.plc import Certificate, Scaling, Words, controller_for
 from heatertune.plc.replay import replay
 from heatertune.plc.single_precision import single

@@ -12,8 +12,8 @@ import pytest
 from tests.golden.heater import Heater, told
 from tests.plc.st_machine import FunctionBlock, Program
 
-from heatertune.model.values import Fopdt
-from heatertune.pid.values import PidDesign
+from heatertune.model.model_values import Fopdt
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Certificate, Ramp, Scaling, controller_for
 from heatertune.plc.open_points import settings_to_prove
 from heatertune.plc.pwm import Actuator, on_time, pid_compact

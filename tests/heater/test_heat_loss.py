@@ -16,8 +16,8 @@ from heatertune.model.loss_curve import (
     steady_power_pct,
     top_degC,
 )
-from heatertune.model.values import Fopdt
-from heatertune.pid.values import PidDesign
+from heatertune.model.model_values import Fopdt
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.pwm import Actuator
 from heatertune.proof import loop as loops

@@ -31,12 +31,12 @@ TRIAL = {
 SCRIPT = """
 import json
 from heatertune.batch.fleets import RESULT
-from heatertune.model.values import Fopdt
+from heatertune.model.model_values import Fopdt
 from heatertune.pid.sampled_loop import margins
-from heatertune.pid.values import PidDesign
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Scaling, controller_for
 from heatertune.proof import Acceptance, Actuator, Scenario, prove_models
-from heatertune.proof.document import check_document
+from heatertune.proof.proof_document import check_document
 from heatertune.proof.nearest_specification import limits_above, physical_help
 from heatertune.proof.spec_file import in_force, spec_text
 from heatertune.report.verdict_summary import verify_brief

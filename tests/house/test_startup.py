@@ -9,7 +9,7 @@ import pytest
 
 from heatertune.cli import main
 from heatertune.compiled import dispatch
-from heatertune.proof.document import with_digest
+from heatertune.proof.proof_document import with_digest
 
 SLOW = ("casadi", "control", "llvmlite", "matplotlib", "numba", "pyarrow", "distributed", "scipy", "scipy.stats")
 

@@ -9,7 +9,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from heatertune.errors import NotRepresentable, OutOfRange, UnknownName
-from heatertune.pid.values import PidDesign, structure_of
+from heatertune.pid.design_values import PidDesign, structure_of
 from heatertune.plc import COOLING, TARGETS, Certificate, Scaling, Words, controller_for
 from heatertune.plc.words import FORMATS
 

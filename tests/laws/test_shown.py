@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from heatertune.errors import NotRepresentable
-from heatertune.model.values import Fopdt
-from heatertune.pid.values import PidDesign, structure_of
+from heatertune.model.model_values import Fopdt
+from heatertune.pid.design_values import PidDesign, structure_of
 from heatertune.plc import COOLING, TARGETS, Scaling, controller_for
 from heatertune.plc.open_points import always, settings_to_prove
 from heatertune.plc.pwm import Actuator

@@ -13,7 +13,7 @@ from heatertune import Fopdt, Scaling, model_by_hand, virtual_plc
 from heatertune.cli import main
 from heatertune.live.hold import HOST, Clock
 from heatertune.live.simulator_status import OWN, OWN_LENGTH, SimulatorStatus
-from heatertune.pid.values import PidDesign
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import controller_for
 from heatertune.proof.words_file import WORDS_SCHEMA
 from heatertune.settings import Conditions

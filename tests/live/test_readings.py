@@ -19,7 +19,7 @@ from heatertune.live.write.band import watch_response
 from heatertune.live.write.plc_block import BlockSnapshot, block_image
 from heatertune.live.write.proven_words import read_proven
 from heatertune.live.write.write_record import WriteRecord
-from heatertune.model.values import Fopdt
+from heatertune.model.model_values import Fopdt
 
 NAN, INF = math.nan, math.inf
 STEP_S = 2.0  # between two looks

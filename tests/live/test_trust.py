@@ -16,7 +16,7 @@ from tests.live.modbus_device import Device
 
 from heatertune.cli import main
 from heatertune.live.write.write_record import read_lines
-from heatertune.proof.document import with_digest
+from heatertune.proof.proof_document import with_digest
 
 #: manual, table 11-11: K DW1, TI DW5, W DW9, X DW22; words of 16 bits, the high byte first
 K, TI, W, X = 1, 5, 9, 22

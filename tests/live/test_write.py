@@ -37,7 +37,7 @@ from heatertune.live.write.band import Band, Reach, _Watch, carried_s
 from heatertune.live.write.plc_block import BlockImage, Peer, WritePart
 from heatertune.live.write.proven_words import read_proven
 from heatertune.live.write.write_record import WriteRecord, read_lines
-from heatertune.proof.document import with_digest
+from heatertune.proof.proof_document import with_digest
 from heatertune.proof.repetition import repeat_proof
 
 repeated = cache(repeat_proof)

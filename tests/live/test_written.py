@@ -16,7 +16,7 @@ from heatertune.cli import main
 from heatertune.codec import read_document
 from heatertune.errors import DocumentError
 from heatertune.live.write.rollback import written_in
-from heatertune.pid.document import read_design
+from heatertune.pid.design_document import read_design
 from heatertune.proof.difference import WRITTEN_SCHEMA
 from heatertune.proof.verdict import PROOF_SCHEMA
 from heatertune.report.as_left_section import plot_watch

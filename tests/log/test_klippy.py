@@ -7,7 +7,7 @@ import pytest
 
 from heatertune import fit, read_log
 from heatertune.errors import LogError
-from heatertune.model.values import Fopdt
+from heatertune.model.model_values import Fopdt
 
 HEATER = Fopdt(gain_degC_per_pct=4.0, time_constant_s=150.0, dead_time_s=1.5, ambient_degC=24.0)
 POWERS = ((0.0, 0.0), (40.0, 60.0), (300.0, 30.0), (640.0, 45.0))

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from heatertune.errors import LogError
 from heatertune.log import read_log
+from heatertune.log.log_values import LogSignal
 from heatertune.log.quantities import is_scaled, unit_in_name
-from heatertune.log.values import LogSignal
 from heatertune.settings import ReadSettings
 
 #: one heater in s, °C and % of full power: at rest at 22 °C, then a rise

@@ -11,7 +11,7 @@ from tests.bench.loops import drawn, traced
 from heatertune.batch.loop_health import rank_rows
 from heatertune.cli import main
 from heatertune.errors import InputError, OutOfRange
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.loops.diagnosis import cure_words, day, diagnose, ideal, times_worse
 from heatertune.loops.loop_values import Cause, LoopEntry, list_loops, read_list
 from heatertune.loops.measures import (
@@ -25,8 +25,8 @@ from heatertune.loops.measures import (
 )
 from heatertune.loops.unlogged_loads import with_duty, without_loads
 from heatertune.model.fit import fit
+from heatertune.model.model_values import Fopdt, model_by_hand
 from heatertune.model.statistics import Interval
-from heatertune.model.values import Fopdt, model_by_hand
 from heatertune.pid.search.quick import quick_tune
 from heatertune.plc import Scaling
 from heatertune.proof.design_request import DesignRequest

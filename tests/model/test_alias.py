@@ -6,9 +6,9 @@ from scipy.signal import lfilter
 from tests.bench.identification import answer
 
 from heatertune.errors import InputError
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.model.fit import fit, fit_together
-from heatertune.model.values import Fopdt
+from heatertune.model.model_values import Fopdt
 
 GAIN, LAG, DEAD, STEP = 0.5, 150.0, 8.0, 0.05
 

@@ -5,9 +5,9 @@ import pytest
 from tests.bench.identification import answer
 
 from heatertune.errors import InputError
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
+from heatertune.model.model_values import Fopdt
 from heatertune.model.power.explanation import explain_log
-from heatertune.model.values import Fopdt
 
 NOISE = {150.0: 2.0, 600.0: 1.0, 3000.0: 0.3}  # time constant → deviation [°C]: the effect is seen, and little more
 TIME = np.arange(0.0, 1200.0, 4.0)

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from heatertune.errors import InputError, OutOfRange
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.model.disturbance import DisturbanceEffect
 from heatertune.model.fit import fit, model_by_hand
+from heatertune.model.model_values import Fopdt
 from heatertune.model.power.disturbance_fit import without_disturbance
 from heatertune.model.validate import validate
-from heatertune.model.values import Fopdt
 
 SECONDS = 2400
 POWER = np.select([np.arange(SECONDS) < edge for edge in (60, 900, 1500)], [0.0, 50.0, 30.0], 60.0)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scipy.signal import lsim, lti
 
 from heatertune.errors import InputError, OutOfRange
-from heatertune.model.values import Fopdt, TwoLag, model_by_hand
+from heatertune.model.model_values import Fopdt, TwoLag, model_by_hand
 
 ONE = Fopdt(gain_degC_per_pct=0.4, time_constant_s=100.0, dead_time_s=12.3, ambient_degC=20.0)
 TWO = TwoLag(gain_degC_per_pct=0.4, time_constant_s=100.0, second_time_constant_s=30.0, dead_time_s=8.0)

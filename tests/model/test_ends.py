@@ -9,15 +9,15 @@ from scipy.optimize import brentq, least_squares
 from tests.model.twins import AMBIENT, DEAD, GAIN, LAG, doublet, logged
 
 from heatertune.errors import InputError, OutOfRange
-from heatertune.log.values import Log
-from heatertune.model import document
+from heatertune.log.log_values import Log
+from heatertune.model import model_document as document
 from heatertune.model.circumstances import setpoint_of
 from heatertune.model.fit import fit
+from heatertune.model.model_values import Fopdt
 from heatertune.model.power.open_loop import PowerProblem
 from heatertune.model.power.regressors import Readings
 from heatertune.model.power.uncertainty import AtEnd, ends_of, fits_of_period, periods_of
 from heatertune.model.statistics import Interval
-from heatertune.model.values import Fopdt
 
 
 def _noisy(seed=0, sample=4.0, deviation=0.4, **heater):

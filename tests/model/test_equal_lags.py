@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.model.fit import fit, fit_together
-from heatertune.model.values import TwoLag
+from heatertune.model.model_values import TwoLag
 
 LAG, DEAD, GAIN = 70.0, 8.0, 0.5
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from tests.bench.identification import answer
 
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
+from heatertune.model.model_values import Fopdt
 from heatertune.model.power.explanation import explain_log
-from heatertune.model.values import Fopdt
 
 FAST = Fopdt(gain_degC_per_pct=1.0, time_constant_s=2.0, dead_time_s=0.5, ambient_degC=20.0)
 TIME = np.arange(0.0, 151.0)

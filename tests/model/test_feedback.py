@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.model.power.feedback import feedback_notes, is_feedback
 
 TIME = np.arange(0.0, 1200.0, 5.0)

@@ -8,15 +8,15 @@ from scipy.optimize import least_squares
 from tests.model.twins import AMBIENT, DEAD, GAIN, LAG, coloured, logged
 
 from heatertune.errors import InputError
-from heatertune.model.document import from_document, to_document
 from heatertune.model.fit import fit_together
+from heatertune.model.model_document import from_document, to_document
+from heatertune.model.model_values import FitOutcome, OneLog
 from heatertune.model.power import fit_logs
 from heatertune.model.power.candidates import Rival
 from heatertune.model.power.explanation import explain_log
 from heatertune.model.power.fit_logs import _joint, _rivals, disagreements
 from heatertune.model.power.fit_power import WeighedFit
 from heatertune.model.statistics import RATIO, Interval
-from heatertune.model.values import FitOutcome, OneLog
 
 TRUTH = {"gain_degC_per_pct": GAIN, "time_constant_s": LAG, "dead_time_s": DEAD}
 TIME = np.arange(0.0, 900.0, 4.0)

@@ -4,10 +4,10 @@ from scipy.integrate import solve_ivp
 from tests.bench.identification import answer, noise
 from tests.conftest import tried
 
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.model.fit import fit
+from heatertune.model.model_values import FitOutcome, Fopdt
 from heatertune.model.outliers import sensor_step, without_outliers
-from heatertune.model.values import FitOutcome, Fopdt
 
 PLANT = Fopdt(gain_degC_per_pct=0.5, time_constant_s=150.0, dead_time_s=12.0, ambient_degC=20.0)
 

@@ -5,9 +5,9 @@ import pytest
 from tests.bench.identification import answer
 from tests.model.twins import coloured, doublet, logged
 
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.model.fit import fit, fit_together
-from heatertune.model.values import FitOutcome, Fopdt
+from heatertune.model.model_values import FitOutcome, Fopdt
 
 
 def _names(fitted):

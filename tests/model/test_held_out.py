@@ -8,13 +8,13 @@ import pytest
 from tests.model.twins import DEAD, GAIN, LAG, doublet, logged
 
 from heatertune.codec import to_json
-from heatertune.model.document import from_document, to_document
 from heatertune.model.fit import fit
+from heatertune.model.model_document import from_document, to_document
+from heatertune.model.model_values import Half, Validation, disagreeing_parameters
 from heatertune.model.power.fit_checks import check_fit, halves, held_out, judgement_remarks
 from heatertune.model.power.open_loop import PowerProblem
 from heatertune.model.power.regressors import Readings
 from heatertune.model.statistics import Interval
-from heatertune.model.values import Half, Validation, disagreeing_parameters
 
 NOISE = 0.1
 TRUE = np.array([[np.log(LAG), DEAD, 0.0]])

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from heatertune.errors import InputError, OutOfRange, UnknownName
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.model.fit import fit_known
+from heatertune.model.model_values import Fopdt, TwoLag
 from heatertune.model.power.known_controller import records, replay_controller
-from heatertune.model.values import Fopdt, TwoLag
-from heatertune.pid.values import PidDesign
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Scaling, controller_for
 from heatertune.proof import Actuator, Scenario, simulate
 from heatertune.proof.known_controller_check import closed_again, controllers

@@ -9,13 +9,13 @@ from tests.bench.bent_heaters import log_of as text_of
 
 from heatertune.chain.stages import fit
 from heatertune.log.read import log_of
-from heatertune.model.document import from_document, to_document
 from heatertune.model.loss_curve import (
     for_setpoints,
     has_loss_curve,
     steady_power_pct,
     top_degC,
 )
+from heatertune.model.model_document import from_document, to_document
 from heatertune.proof.heaters import BY_CURVE, beyond_by_curve, beyond_log, reach_degC
 
 ROOM, ABSOLUTE = 22.0, 273.15

@@ -2,8 +2,8 @@ import control
 import numpy as np
 import pytest
 
+from heatertune.model.model_values import Fopdt, TwoLag
 from heatertune.model.reduction import COMBINATIONS, ultimate_period_s
-from heatertune.model.values import Fopdt, TwoLag
 
 
 @pytest.mark.parametrize("plant", [

@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.model.fit import fit, fit_together
+from heatertune.model.model_values import FitOutcome
 from heatertune.model.power.nonlinear import knots_of
 from heatertune.model.power.open_loop import PowerProblem
 from heatertune.model.power.regressors import Readings
-from heatertune.model.values import FitOutcome
 
 AMBIENT, GAIN, LAG, DEAD = 32.0, 0.5, 200.0, 15.0
 STEP = 0.25

@@ -4,11 +4,11 @@ from scipy.signal import lsim, lti
 from tests.conftest import load_csv
 
 from heatertune.errors import InputError
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.model.fit import fit
+from heatertune.model.model_values import FitOutcome, Fopdt, TwoLag
 from heatertune.model.power.open_loop import PowerProblem
 from heatertune.model.power.regressors import Readings
-from heatertune.model.values import FitOutcome, Fopdt, TwoLag
 
 
 def _doublet(length=1500, sample=1.0):

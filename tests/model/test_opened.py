@@ -5,7 +5,7 @@ import pytest
 from tests.bench import causes
 
 from heatertune.errors import InputError
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.model.fit import fit
 from heatertune.model.power.explanation import opened_at_s
 from heatertune.model.power.open_loop import PowerProblem

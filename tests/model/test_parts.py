@@ -5,7 +5,7 @@ import pytest
 from tests.bench import halves as bench
 from tests.model.twins import doublet, logged
 
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.model.fit import fit
 from heatertune.model.power.fit_power import interval_widening, widening_notes
 from heatertune.model.power.open_loop import PowerProblem

@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter, lsim, lti
 
 from heatertune.errors import InputError, OutOfRange, UnknownName
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.model.experiment.fisher import (
     ExperimentSetup,
     Prior,
@@ -29,13 +29,13 @@ from heatertune.model.experiment.plan import (
     within_limit,
 )
 from heatertune.model.fit import model_by_hand
+from heatertune.model.model_values import FitOutcome, FittedModel, Fopdt, TwoLag
 from heatertune.model.power.open_loop import PowerProblem
 from heatertune.model.power.regressors import Readings
 from heatertune.model.power.uncertainty import intervals
 from heatertune.model.relay_test import TwoLevelRelay
 from heatertune.model.response import Schedule, rows_of, sensitivities
 from heatertune.model.statistics import Interval
-from heatertune.model.values import FitOutcome, FittedModel, Fopdt, TwoLag
 
 RANGES = {
     "gain_degC_per_pct": (0.3, 0.6), "time_constant_s": (100.0, 300.0), "dead_time_s": (5.0, 25.0),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from tests.bench import causes
 
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.model.fit import fit, fit_together
 from heatertune.model.power.fit_power import contributions_of
 from heatertune.model.power.open_loop import PowerProblem

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from tests.bench.identification import answer
 
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
+from heatertune.model.model_values import Fopdt
 from heatertune.model.power.open_loop import PowerProblem, _solve
 from heatertune.model.power.regressors import Readings
-from heatertune.model.values import Fopdt
 
 
 @pytest.mark.parametrize("columns", [

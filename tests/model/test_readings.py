@@ -5,11 +5,11 @@ import pytest
 from scipy.integrate import quad
 from tests.bench.identification import answer
 
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.model.fit import fit
+from heatertune.model.model_values import Fopdt
 from heatertune.model.power.open_loop import PowerProblem
 from heatertune.model.power.regressors import Readings
-from heatertune.model.values import Fopdt
 
 PLANT = Fopdt(gain_degC_per_pct=0.6, time_constant_s=300.0, dead_time_s=25.03, ambient_degC=20.0)
 

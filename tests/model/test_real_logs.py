@@ -6,13 +6,13 @@ from tests.conftest import load_csv
 
 from heatertune.errors import InputError
 from heatertune.log import read_log
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.model.fit import fit
+from heatertune.model.model_values import disagreeing_parameters
 from heatertune.model.power.explanation import explain_log
 from heatertune.model.power.fit_checks import halves
 from heatertune.model.power.open_loop import PowerProblem
 from heatertune.model.power.regressors import Readings
-from heatertune.model.values import disagreeing_parameters
 
 
 def _open(real_logs, name):

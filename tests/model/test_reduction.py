@@ -4,8 +4,8 @@ import control
 import numpy as np
 import pytest
 
+from heatertune.model.model_values import Fopdt, TwoLag
 from heatertune.model.reduction import crossover_rad_s, match_fopdt
-from heatertune.model.values import Fopdt, TwoLag
 
 HEATER = TwoLag(gain_degC_per_pct=0.78, time_constant_s=452.0, second_time_constant_s=79.0, dead_time_s=12.9, ambient_degC=24.0)
 

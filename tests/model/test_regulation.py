@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tests.bench import blind
 
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.model.temperature.evidence import is_open_loop, steady_swing
 
 

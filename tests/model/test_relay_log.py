@@ -6,8 +6,9 @@ from scipy.signal import lsim, lti
 from tests.bench.heaters import Heater, Rig
 from tests.conftest import load_csv
 
-from heatertune.log.values import Log
-from heatertune.model.document import from_document, to_document
+from heatertune.log.log_values import Log
+from heatertune.model.model_document import from_document, to_document
+from heatertune.model.model_values import FitOutcome, FittedModel, Fopdt
 from heatertune.model.relay_test import (
     TwoLevelRelay,
     estimate,
@@ -17,7 +18,6 @@ from heatertune.model.relay_test import (
     simulate_relay,
     with_relay,
 )
-from heatertune.model.values import FitOutcome, FittedModel, Fopdt
 
 TRUTH = Fopdt(gain_degC_per_pct=0.5, time_constant_s=150.0, dead_time_s=20.0, ambient_degC=20.0)
 SKEW = TwoLevelRelay(setpoint_degC=38.0, hysteresis_degC=0.5, high_pct=80.0, low_pct=5.0)

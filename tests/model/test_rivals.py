@@ -5,12 +5,12 @@ import pytest
 from tests.model.twins import GAIN, LAG, closed_loop, doublet, logged
 
 from heatertune.errors import InputError
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.model.fit import fit, fit_together
+from heatertune.model.model_values import FitOutcome
 from heatertune.model.power.candidates import widen_intervals
 from heatertune.model.power.explanation import part
 from heatertune.model.statistics import Interval
-from heatertune.model.values import FitOutcome
 
 
 def _told(fitted, words):

@@ -3,10 +3,10 @@ import pytest
 from tests.bench.identification import answer
 
 from heatertune.errors import InputError
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.model.fit import fit
+from heatertune.model.model_values import Fopdt
 from heatertune.model.power.feedback import follows_temperature
-from heatertune.model.values import Fopdt
 
 PLANT = Fopdt(gain_degC_per_pct=0.5, time_constant_s=150.0, dead_time_s=12.0, ambient_degC=20.0)
 

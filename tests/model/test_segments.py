@@ -5,9 +5,9 @@ import pytest
 from scipy.signal import lsim, lti
 from tests.bench.identification import answer
 
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.model.fit import fit, fit_together
-from heatertune.model.values import Fopdt, TwoLag
+from heatertune.model.model_values import Fopdt, TwoLag
 
 PLANT = Fopdt(gain_degC_per_pct=0.5, time_constant_s=150.0, dead_time_s=12.0, ambient_degC=20.0)
 TIME = np.arange(0.0, 2000.0, 4.0)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.model.fit import fit
 from heatertune.model.power.explanation import explain_log
 

@@ -9,7 +9,7 @@ from tests.bench import causes, identification
 from heatertune.errors import InputError, OutOfRange
 from heatertune.log import read_log
 from heatertune.log.cells import MARK, SWITCHED
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.model.fit import fit
 from heatertune.model.statistics import holds
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.model.fit import fit, fit_together
 from heatertune.model.temperature.closed_loop import Hypothesis, LogSegment
 from heatertune.plc.s7_200_paper.laws import LAWS

@@ -2,12 +2,12 @@ import numpy as np
 import pytest
 from tests.bench.identification import answer, noise
 
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
+from heatertune.model.model_values import Fopdt
 from heatertune.model.power.open_loop import PowerProblem
 from heatertune.model.power.regressors import Readings
 from heatertune.model.power.uncertainty import _profile, bound_crossing, noise_of
 from heatertune.model.statistics import ar1_weighted
-from heatertune.model.values import Fopdt
 
 PLANT = Fopdt(gain_degC_per_pct=0.5, time_constant_s=150.0, dead_time_s=12.0, ambient_degC=20.0)
 

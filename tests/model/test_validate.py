@@ -7,8 +7,8 @@ import pytest
 from tests.model.twins import AMBIENT, DEAD, GAIN, LAG, doublet, logged
 
 from heatertune.errors import InputError, OutOfRange
+from heatertune.model.model_values import Fopdt, TwoLag, model_by_hand
 from heatertune.model.validate import validate
-from heatertune.model.values import Fopdt, TwoLag, model_by_hand
 
 TRUE = Fopdt(gain_degC_per_pct=GAIN, time_constant_s=LAG, dead_time_s=DEAD, ambient_degC=AMBIENT)
 

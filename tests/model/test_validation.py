@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.model.temperature.closed_loop import Hypothesis, LogSegment
 from heatertune.model.temperature.fit_temperature import EARLY, fit_all
 from heatertune.model.validation import LJUNG_BOX_95, constant_rmse, cross_rmse, hold_out_rmse, ljung_box

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from heatertune.errors import OutOfRange
-from heatertune.model.document import from_document, to_document
+from heatertune.model.model_document import from_document, to_document
+from heatertune.model.model_values import Fopdt, TwoLag, model_by_hand
 from heatertune.model.statistics import Interval
-from heatertune.model.values import Fopdt, TwoLag, model_by_hand
 
 
 def test_the_half_rule_gives_skogestads_worked_example():

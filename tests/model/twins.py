@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.signal import lsim, lti
 
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 
 GAIN, LAG, DEAD, AMBIENT = 0.5, 150.0, 12.0, 20.0
 

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 from scipy.optimize import minimize_scalar
 
-from heatertune.model.values import Fopdt, TwoLag
+from heatertune.model.model_values import Fopdt, TwoLag
 
 
 def one_lag(ratio, *, gain=1.0, lag=1.0):

@@ -4,11 +4,11 @@ import math
 import pytest
 
 from heatertune.cli import main
-from heatertune.model.values import Candidate, FitOutcome, FittedModel, Fopdt, TwoLag, model_by_hand
+from heatertune.model.model_values import Candidate, FitOutcome, FittedModel, Fopdt, TwoLag, model_by_hand
 from heatertune.pid.alternatives import alternatives
 from heatertune.pid.rules import RULES, model_for
 from heatertune.pid.tune import tune
-from heatertune.report.text import alternatives_table
+from heatertune.report.report_text import alternatives_table
 
 HEATER = Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=25.0, ambient_degC=22.0)
 OTHER = TwoLag(gain_degC_per_pct=0.83, time_constant_s=378.0, second_time_constant_s=108.0, dead_time_s=9.2)

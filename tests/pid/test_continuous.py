@@ -11,7 +11,7 @@ from scipy.integrate import trapezoid
 
 from heatertune.compiled import compile_function
 from heatertune.errors import InputError, OutOfRange, UnknownName
-from heatertune.model.values import Fopdt, TwoLag
+from heatertune.model.model_values import Fopdt, TwoLag
 from heatertune.pid import continuous_loop as continuous
 from heatertune.pid import continuous_optimum
 from heatertune.pid.continuous_optimum import (
@@ -23,9 +23,9 @@ from heatertune.pid.continuous_optimum import (
     peaks,
     response_grid,
 )
+from heatertune.pid.design_values import PidDesign, structure_of
 from heatertune.pid.sampled_loop import crossings
 from heatertune.pid.specs import Specs
-from heatertune.pid.values import PidDesign, structure_of
 
 _SPEC = importlib.util.spec_from_file_location("brute_force", Path(__file__).with_name("brute_force.py"))
 brute_force = importlib.util.module_from_spec(_SPEC)

@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from heatertune.errors import InputError
-from heatertune.pid.values import ideal_to_parallel, ideal_to_series, other_forms, series_to_ideal
-from heatertune.report.text import forms_lines
+from heatertune.pid.design_values import ideal_to_parallel, ideal_to_series, other_forms, series_to_ideal
+from heatertune.report.report_text import forms_lines
 
 gains = st.floats(1e-3, 1e3)
 times = st.floats(1e-2, 1e5)

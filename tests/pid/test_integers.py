@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from heatertune.errors import InputError, OutOfRange
-from heatertune.model.values import Fopdt, TwoLag
+from heatertune.model.model_values import Fopdt, TwoLag
+from heatertune.pid.design_values import PidDesign
 from heatertune.pid.sampled_loop import control_margins, iae_load, loop_transfer_function, margins
 from heatertune.pid.search.integers import Integers, best_integers, bounds_of, norms
-from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, controller_for
 
 HEATER = Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=12.0)

@@ -8,9 +8,9 @@ from scipy.optimize import brentq
 from scipy.signal import cont2discrete
 
 from heatertune.errors import InputError, OutOfRange, UnknownName
-from heatertune.model.values import Fopdt, TwoLag
+from heatertune.model.model_values import Fopdt, TwoLag
+from heatertune.pid.design_values import Timer
 from heatertune.pid.search.quick import quick_tune
-from heatertune.pid.values import Timer
 
 TA = 5.0
 ONE = Fopdt(gain_degC_per_pct=0.5, time_constant_s=200.0, dead_time_s=20.0)

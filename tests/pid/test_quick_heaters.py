@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from heatertune.model.values import Fopdt
+from heatertune.model.model_values import Fopdt
 from heatertune.pid.search.feasible import Problem, largest_gain, search
 
 LAG = 1000.0  # [s]; the gain is 1 °C/%, the dead time three samples: no fraction of a sample, no modified z-transform

@@ -12,8 +12,8 @@ from scipy.integrate import trapezoid
 from scipy.signal import lti, step
 
 from heatertune.errors import InputError, UnknownName
+from heatertune.model.model_values import Candidate, Fopdt, model_by_hand
 from heatertune.model.statistics import RATIO, Interval
-from heatertune.model.values import Candidate, Fopdt, model_by_hand
 from heatertune.pid.sampled_loop import noise_gain
 from heatertune.pid.search.robust import draw_heaters
 from heatertune.pid.tune import tune

@@ -3,8 +3,9 @@ import math
 import numpy as np
 import pytest
 
-from heatertune.model.values import Fopdt, TwoLag
+from heatertune.model.model_values import Fopdt, TwoLag
 from heatertune.pid import sampled_loop as response
+from heatertune.pid.design_values import PidDesign
 from heatertune.pid.sampled_loop import (
     control_margins,
     dominant_time_s,
@@ -15,7 +16,6 @@ from heatertune.pid.sampled_loop import (
     margins,
     respond,
 )
-from heatertune.pid.values import PidDesign
 
 PLANTS = {
     "one lag": Fopdt(gain_degC_per_pct=0.36, time_constant_s=163.0, dead_time_s=15.9),

@@ -10,7 +10,7 @@ from tests.pid.exact_loop import one_lag, two_lags
 
 from heatertune.cli import common
 from heatertune.errors import InputError, OutOfRange, UnknownName
-from heatertune.model.values import Fopdt, TwoLag, model_by_hand
+from heatertune.model.model_values import Fopdt, TwoLag, model_by_hand
 from heatertune.pid.rules import RULES, Rule, apply_rule, model_for, range_note
 from heatertune.pid.tune import tune
 

@@ -9,7 +9,7 @@ from tests.pid import exact_loop
 from tests.pid.exact_loop import one_lag, two_lags
 
 from heatertune.errors import OutOfRange
-from heatertune.model.values import Fopdt
+from heatertune.model.model_values import Fopdt
 from heatertune.pid.rules import RULES, apply_rule, range_note, ultimate_cycle
 
 EACH = [(name, structure) for name, rule in RULES.items() for structure in rule.formulas]

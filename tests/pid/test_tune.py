@@ -5,14 +5,14 @@ import numpy as np
 import pytest
 
 from heatertune.errors import InputError, OutOfRange, UnknownName
-from heatertune.model.values import Candidate, FitOutcome, FittedModel, Fopdt, TwoLag, model_by_hand
-from heatertune.pid.document import from_document, to_document
+from heatertune.model.model_values import Candidate, FitOutcome, FittedModel, Fopdt, TwoLag, model_by_hand
+from heatertune.pid.design_document import from_document, to_document
+from heatertune.pid.design_values import PidDesign, Timer
 from heatertune.pid.rules import apply_rule
 from heatertune.pid.sampled_loop import dominant_time_s, iae_load, margins
 from heatertune.pid.search import feasible
 from heatertune.pid.search.feasible import Problem, largest_gain, polish, search
 from heatertune.pid.tune import tune
-from heatertune.pid.values import PidDesign, Timer
 
 HEATER = Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0)
 OTHER = TwoLag(gain_degC_per_pct=0.83, time_constant_s=378.0, second_time_constant_s=108.0, dead_time_s=9.2)

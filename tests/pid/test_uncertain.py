@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from heatertune.errors import OutOfRange
+from heatertune.model.model_values import Candidate, Fopdt, TwoLag, model_by_hand
 from heatertune.model.statistics import Interval
-from heatertune.model.values import Candidate, Fopdt, TwoLag, model_by_hand
+from heatertune.pid.design_values import PidDesign
 from heatertune.pid.sampled_loop import margins
 from heatertune.pid.search.robust import draw_heaters, ms_over
-from heatertune.pid.values import PidDesign
 
 HEATER = Fopdt(gain_degC_per_pct=0.4, time_constant_s=160.0, dead_time_s=12.0)
 OTHER = TwoLag(gain_degC_per_pct=0.8, time_constant_s=380.0, second_time_constant_s=100.0, dead_time_s=9.0)

@@ -11,7 +11,7 @@ import numpy as np
 from tests.proof.test_supervision import OFF
 
 from heatertune.errors import HeatertuneError
-from heatertune.pid.values import PidDesign
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import NAMES, Boost, Certificate, Scaling, Words, controller_for
 from heatertune.plc.feed_forward import feed_forward
 from heatertune.plc.pwm import Actuator

@@ -1,7 +1,7 @@
 """Statements of `heatertune.plc.print` in the four machines: printed, loaded, and called with cells of the caller's."""
 
 from heatertune.plc.cpu.iec.machine import TextProgram
-from heatertune.plc.cpu.iec.text import units
+from heatertune.plc.cpu.iec.st_syntax import units
 from heatertune.plc.cpu.s5.machine import S5Cpu
 from heatertune.plc.cpu.s7_200 import assemble
 from heatertune.plc.cpu.s7_200.assembler import block, block_number, program

@@ -9,7 +9,7 @@ from tests.conftest import ROOT
 
 from heatertune import chain
 from heatertune.errors import InputError, NotRepresentable, OutOfRange, UnknownName
-from heatertune.pid.values import PidDesign, Timer
+from heatertune.pid.design_values import PidDesign, Timer
 from heatertune.plc import (
     TARGETS,
     Controller,

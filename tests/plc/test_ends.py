@@ -8,7 +8,7 @@ from tests.golden import printed
 from tests.golden.one_bit_programs import HEATER_PRINTED, TWO_LEVEL_NAMES
 
 from heatertune.errors import NotRepresentable, OutOfRange
-from heatertune.pid.values import PidDesign, structure_of
+from heatertune.pid.design_values import PidDesign, structure_of
 from heatertune.plc import Certificate, Ramp, Scaling, controller_for
 from heatertune.plc.cpu.one_bit.machine import START, Wiring, scan
 from heatertune.plc.cpu.one_bit.machine import assemble as single_bit

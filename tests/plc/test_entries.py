@@ -14,7 +14,7 @@ import pytest
 from tests.plc.export_corpus import controller_exports
 
 from heatertune.errors import HeatertuneError
-from heatertune.pid.values import PidDesign
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import ALIKE, NAMES, Certificate, Scaling, controller_for
 from heatertune.plc.core import Sensor
 from heatertune.plc.keyed_entry import setpoint_entry, typed_words

@@ -7,7 +7,7 @@ import re
 import pytest
 
 from heatertune.errors import HeatertuneError, NotRepresentable, OutOfRange
-from heatertune.pid.values import PidDesign, structure_of
+from heatertune.pid.design_values import PidDesign, structure_of
 from heatertune.plc import Certificate, Scaling, Words, controller_for
 from heatertune.plc.dump_reader import read_machine
 
@@ -24,7 +24,7 @@ SCALING = Scaling(high_degC=300.0)
 
 def _read(text, heater=None):
     known = {} if heater is None else {"heater": heater}
-    machine = read_machine(ROOM, text.encode(), sample_time_s=None, scaling=SCALING, source="printer.cfg", known=known)
+    machine = read_machine(ROOM, text.encode(), sample_time_s=None, scaling=SCALING, source="printer.cfg", stated=known)
     return machine.words, (*machine.passed_over, *machine.assumed)
 
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from heatertune.model.values import Fopdt, model_by_hand
+from heatertune.model.model_values import Fopdt, model_by_hand
+from heatertune.pid.design_values import PidDesign
 from heatertune.pid.sampled_loop import iae_load, margins
-from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.design import tune
 from heatertune.plc.word_selection import choose_words

@@ -12,10 +12,10 @@ import pytest
 from tests.witness.arduino_pid import ArduinoPid
 
 from heatertune.errors import HeatertuneError, InputError, NotRepresentable
-from heatertune.pid.values import PidDesign
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Certificate, Scaling, controller_for
 from heatertune.plc.dump_reader import read_machine
-from heatertune.plc.firmware.text import decimal
+from heatertune.plc.firmware.firmware_text import decimal
 from heatertune.plc.pwm import Actuator
 from heatertune.plc.single_precision import single
 

@@ -18,7 +18,7 @@ import pytest
 from tests.plc.export_corpus import controller_exports, every_export
 
 from heatertune.plc.cpu.iec.machine import TextProgram
-from heatertune.plc.cpu.iec.text import units
+from heatertune.plc.cpu.iec.st_syntax import units
 
 IEC2C = shutil.which("iec2c")
 TC6 = {"t": "http://www.plcopen.org/xml/tc6_0201", "x": "http://www.w3.org/1999/xhtml"}

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from heatertune.errors import InputError, NotRepresentable, OutOfRange
-from heatertune.model.values import Fopdt
-from heatertune.pid.values import PidDesign
+from heatertune.model.model_values import Fopdt
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Certificate, Scaling, Words, controller_for
 from heatertune.plc.on_off.export import PROGRAM, intel_hex
 from heatertune.plc.replay import replay

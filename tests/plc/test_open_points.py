@@ -10,7 +10,7 @@ from typing import Annotated, NamedTuple
 import pytest
 
 from heatertune.errors import UnknownName
-from heatertune.pid.values import PidDesign
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import TARGETS, Controller, OpenPoint, Scaling, Words, controller_for
 from heatertune.plc.open_points import NothingOpen, assumptions_from, open_points_of
 from heatertune.plc.replay import replay

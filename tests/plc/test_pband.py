@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from heatertune import chain
 from heatertune.errors import ExportRefused, InputError, NotRepresentable, OutOfRange, UnknownName
-from heatertune.model.values import Fopdt, model_by_hand
-from heatertune.pid.values import PidDesign, structure_of
+from heatertune.model.model_values import Fopdt, model_by_hand
+from heatertune.pid.design_values import PidDesign, structure_of
 from heatertune.plc import ALIKE, COOLING, NAMES, TARGETS, Certificate, Scaling, controller_for
 from heatertune.plc.dump_reader import read_machine
 from heatertune.plc.pband.makes import MAKES

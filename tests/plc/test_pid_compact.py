@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 
 from heatertune.errors import InputError, NotRepresentable, OutOfRange
-from heatertune.model.values import Fopdt
-from heatertune.pid.values import PidDesign, structure_of
+from heatertune.model.model_values import Fopdt
+from heatertune.pid.design_values import PidDesign, structure_of
 from heatertune.plc import Certificate, Scaling, controller_for
 from heatertune.plc.cpu.iec.machine import Firmware
 from heatertune.plc.dump_reader import read_machine

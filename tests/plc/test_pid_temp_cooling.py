@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 
 from heatertune.errors import InputError, NotRepresentable
-from heatertune.model.values import Fopdt
-from heatertune.pid.values import PidDesign
+from heatertune.model.model_values import Fopdt
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Certificate, Scaling, controller_for
 from heatertune.plc.controller import with_cooling
 from heatertune.plc.cpu.iec.machine import Firmware

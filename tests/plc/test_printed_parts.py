@@ -11,7 +11,7 @@ from heatertune.plc.print.statements import CELLS, Group, if_, pulse_staircase, 
 from heatertune.plc.pwm import Actuator, on_time, pulse_ends
 from heatertune.plc.ramp import Ramp, next_setpoint
 from heatertune.plc.single_precision import single
-from heatertune.plc.st.program import literal
+from heatertune.plc.st.program_text import literal
 
 #: of each part in each language
 CALLS = 20_000

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from tests.witness.setpoint_course import course
 
 from heatertune.errors import InputError, OutOfRange
-from heatertune.pid.values import PidDesign
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import TARGETS, Ramp, Scaling, controller_for
 from heatertune.plc.ramp import nearest, next_setpoint
 

@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from heatertune.errors import HeatertuneError, InputError, NotRepresentable, OutOfRange
-from heatertune.pid.values import PidDesign, structure_of
+from heatertune.pid.design_values import PidDesign, structure_of
 from heatertune.plc import TARGETS, Certificate, Scaling, controller_for
 from heatertune.plc.dump_reader import read_machine, realised_design
 from heatertune.plc.readback import text_of

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from heatertune.errors import LogError, UnknownName
-from heatertune.model.values import Fopdt
-from heatertune.pid.values import PidDesign
+from heatertune.model.model_values import Fopdt
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import TARGETS, Scaling, controller_for
 from heatertune.plc.replay import read_inputs, replay
 from heatertune.proof import Actuator, Scenario, simulate

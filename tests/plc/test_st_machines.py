@@ -12,7 +12,7 @@ from tests.plc.st_machine import Program as Witness
 
 from heatertune.errors import InputError
 from heatertune.plc.cpu.iec.machine import TextProgram
-from heatertune.plc.cpu.iec.text import units
+from heatertune.plc.cpu.iec.st_syntax import units
 
 REALS, WHOLES, BOOLS = ("x", "y", "z"), ("n", "m", "k"), ("p", "q")
 DECLARED = ("VAR\n  x : REAL := 1.5;\n  y, z : REAL;\n  n : DINT := 3;\n  m : INT;\n  k : UINT;\n  p : BOOL := TRUE;\n  q : BOOL;\nEND_VAR\n"

@@ -16,11 +16,11 @@ from tests.plc.st_machine import FunctionBlock, found, parse
 from xsdata.formats.dataclass.parsers import XmlParser
 from xsdata.formats.dataclass.parsers.config import ParserConfig
 
-from heatertune.model.values import Fopdt
-from heatertune.pid.values import PidDesign, structure_of
+from heatertune.model.model_values import Fopdt
+from heatertune.pid.design_values import PidDesign, structure_of
 from heatertune.plc import Certificate, Scaling, Words, controller_for
 from heatertune.plc.replay import replay
-from heatertune.plc.st.program import literal
+from heatertune.plc.st.program_text import literal
 from heatertune.proof import Actuator, Scenario, TemperatureStep, simulate
 
 ROOM = controller_for("weg")

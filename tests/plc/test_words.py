@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from heatertune.errors import InputError, NotRepresentable, OutOfRange
-from heatertune.pid.values import PidDesign, Timer, structure_of
+from heatertune.pid.design_values import PidDesign, Timer, structure_of
 from heatertune.plc import Certificate, Scaling, WordField, Words, controller_for
 from heatertune.plc.s5_ob251.export import to_image
 from heatertune.plc.s5_ob251.words import most_gain

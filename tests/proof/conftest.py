@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from heatertune.model.values import Fopdt, TwoLag
-from heatertune.pid.values import PidDesign, structure_of
+from heatertune.model.model_values import Fopdt, TwoLag
+from heatertune.pid.design_values import PidDesign, structure_of
 from heatertune.plc.core import ControllerState, StepFunctions, Timing
 from heatertune.plc.open_points import OpenPoint, settings_of
 from heatertune.plc.words import Scaling, Words

@@ -10,11 +10,11 @@ import pytest
 from heatertune import chain
 from heatertune.codec import decode, encode, plain
 from heatertune.errors import InputError
-from heatertune.log.values import Log
-from heatertune.model.values import Fopdt, model_by_hand
-from heatertune.pid.values import PidDesign
+from heatertune.log.log_values import Log
+from heatertune.model.model_values import Fopdt, model_by_hand
+from heatertune.pid.design_values import PidDesign
 from heatertune.proof.as_left import AsLeft, as_left
-from heatertune.proof.document import ProofView
+from heatertune.proof.proof_document import ProofView
 
 GAIN, LAG, DEAD, ROOM = 0.37, 167.0, 12.0, 22.0
 K, TN, TA = 9.5, 66.0, 4.0

@@ -8,11 +8,11 @@ import pytest
 from tests.witness import trace_measures
 
 from heatertune.errors import DocumentError, ExportRefused, HeatertuneError, InputError
-from heatertune.model.values import Fopdt, model_by_hand
+from heatertune.model.model_values import Fopdt, model_by_hand
 from heatertune.plc import Scaling, Words, controller_for
 from heatertune.proof.criteria import columns_of, worst_of
-from heatertune.proof.document import check_document, with_digest
 from heatertune.proof.loop import in_loop, noise_of, plant_row, scans_of
+from heatertune.proof.proof_document import check_document, with_digest
 from heatertune.proof.prove_words import prove
 from heatertune.proof.runs import measure_runs
 from heatertune.proof.verdict import combined_verdict, derived_verdict, verdict_of_samples

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heatertune.log.values import Log
-from heatertune.model.document import from_document, to_document
+from heatertune.log.log_values import Log
 from heatertune.model.findings import Finding
 from heatertune.model.fit import fit, fit_together
-from heatertune.model.values import Fopdt, model_by_hand
+from heatertune.model.model_document import from_document, to_document
+from heatertune.model.model_values import Fopdt, model_by_hand
 from heatertune.plc import Scaling
 from heatertune.proof.heaters import (
     beyond_log,

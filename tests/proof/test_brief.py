@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from heatertune.model.findings import KINDS
-from heatertune.model.values import Fopdt, TwoLag, model_by_hand
-from heatertune.pid.values import PidDesign
+from heatertune.model.model_values import Fopdt, TwoLag, model_by_hand
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Boost, Scaling, controller_for
 from heatertune.plc.design import encode, tune
 from heatertune.proof.long_outage import OutageTiming, heat_up, nights_of

@@ -16,8 +16,8 @@ from heatertune.compiled import bound, compile_function, worth_compiling
 from heatertune.compiled import dispatch as machine
 from heatertune.compiled.loader import kinds_of
 from heatertune.compiled.numba_compiler import object_code
-from heatertune.model.values import Fopdt, TwoLag
-from heatertune.pid.values import PidDesign
+from heatertune.model.model_values import Fopdt, TwoLag
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import COOLING, TARGETS, Scaling, controller_for
 from heatertune.plc.core import as_it_is
 from heatertune.plc.single_precision import single, to_single

@@ -12,8 +12,8 @@ from tests.witness.trace_measures import judge
 from heatertune import chain
 from heatertune.compiled import dispatch as machine
 from heatertune.errors import InputError, OutOfRange
-from heatertune.model.values import Fopdt, TwoLag, model_by_hand
-from heatertune.pid.values import PidDesign
+from heatertune.model.model_values import Fopdt, TwoLag, model_by_hand
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.controller import with_cooling
 from heatertune.plc.pwm import pid_compact

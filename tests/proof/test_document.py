@@ -8,7 +8,7 @@ from tests.bench.documents import write_all
 
 from heatertune.cli import main
 from heatertune.proof import repetition
-from heatertune.proof.document import with_digest
+from heatertune.proof.proof_document import with_digest
 
 
 @pytest.fixture(scope="module")

@@ -8,10 +8,10 @@ from tests.conftest import ROOT
 from heatertune.cli import main
 from heatertune.codec import EarlierDocument, peek_schema, read_document
 from heatertune.errors import DocumentError
-from heatertune.model.document import SCHEMA as MODEL_SCHEMA
-from heatertune.model.document import read_model
-from heatertune.pid.document import SCHEMA as PID_SCHEMA
-from heatertune.proof.document import check_document
+from heatertune.model.model_document import SCHEMA as MODEL_SCHEMA
+from heatertune.model.model_document import read_model
+from heatertune.pid.design_document import SCHEMA as PID_SCHEMA
+from heatertune.proof.proof_document import check_document
 from heatertune.proof.verdict import PROOF_SCHEMA
 from heatertune.proof.words_file import WORDS_SCHEMA
 

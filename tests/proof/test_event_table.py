@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from heatertune.model.findings import KINDS
-from heatertune.model.values import Fopdt, model_by_hand
+from heatertune.model.model_values import Fopdt, model_by_hand
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.design import encode, tune
 from heatertune.proof.event_table import EVENTS, EXCLUDED

@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter
 from tests.witness.trace_measures import judge
 
-from heatertune.model.values import Fopdt, TwoLag
+from heatertune.model.model_values import Fopdt, TwoLag
 from heatertune.proof import (
     Acceptance,
     Actuator,

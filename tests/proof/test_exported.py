@@ -17,11 +17,11 @@ from tests.bench.text_faults import STORY, loops
 
 from heatertune import chain
 from heatertune.errors import InputError
-from heatertune.model.values import Fopdt, TwoLag, model_by_hand
-from heatertune.pid.values import PidDesign
+from heatertune.model.model_values import Fopdt, TwoLag, model_by_hand
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Certificate, Ramp, Scaling, controller_for
 from heatertune.plc.cpu.s5.machine import S5Cpu
-from heatertune.plc.cpu.s7_300.exported import ExportedS7
+from heatertune.plc.cpu.s7_300.exported_blocks import ExportedS7
 from heatertune.plc.cpu.s7_300.machine import S7300Cpu as S7Cpu
 from heatertune.plc.cpu.s7_300.source import as_real, bits_of
 from heatertune.plc.inputs import sensor_scaling

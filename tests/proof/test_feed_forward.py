@@ -7,13 +7,13 @@ import pytest
 
 from heatertune.errors import InputError
 from heatertune.model.disturbance import DisturbanceEffect
-from heatertune.model.values import Fopdt
-from heatertune.pid.values import PidDesign
+from heatertune.model.model_values import Fopdt
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.feed_forward import feed_forward
 from heatertune.plc.pwm import Actuator
 from heatertune.proof.criteria import LoopLimits
-from heatertune.proof.feed_forward import FeedForwardComparison, PlainLoop, prove_feed_forward
+from heatertune.proof.feed_forward_check import FeedForwardComparison, PlainLoop, prove_feed_forward
 
 TA, SETPOINT = 5.0, 80.0
 #: until an input module's reading is there, S5 (AI 460) and S7-300 (SM 331 with wire-break check) [s]

@@ -9,7 +9,7 @@ from tests.witness.trace_measures import judge
 
 from heatertune.compiled import bound
 from heatertune.errors import OutOfRange, UnknownName
-from heatertune.model.values import Fopdt
+from heatertune.model.model_values import Fopdt
 from heatertune.plc.cpu.one_bit.machine import OneBitState
 from heatertune.proof import Actuator, Interlock, Scenario, TemperatureStep, prove_models, simulate
 from heatertune.proof.acceptance import _BITS, INTERLOCKS, _scan

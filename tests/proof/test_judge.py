@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from tests.witness.trace_measures import judge, stays_within
 
 from heatertune.errors import OutOfRange
-from heatertune.model.values import Fopdt
-from heatertune.pid.values import Margins
+from heatertune.model.model_values import Fopdt
+from heatertune.pid.design_values import Margins
 from heatertune.proof import Actuator, Criterion, Load, LoopLimits, Scenario, TemperatureStep, Trace
 from heatertune.proof.acceptance import Interlock
 from heatertune.proof.criteria import worst_of

@@ -11,8 +11,8 @@ from llvmlite.binding import get_host_cpu_features, llvm_version_info
 from heatertune.compiled import bound, compile_function
 from heatertune.compiled import dispatch as machine
 from heatertune.compiled.numba_compiler import overload
-from heatertune.model.values import Fopdt, TwoLag, model_by_hand
-from heatertune.pid.values import PidDesign
+from heatertune.model.model_values import Fopdt, TwoLag, model_by_hand
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import TARGETS, Scaling, controller_for
 from heatertune.plc.core import as_it_is
 from heatertune.proof import Actuator, Load, LoopLimits, Mains, NewSetpoint, Scenario, TemperatureStep

@@ -10,8 +10,8 @@ from scipy.integrate import solve_ivp
 from scipy.signal import lsim
 
 from heatertune.errors import InputError, OutOfRange, UnknownName
-from heatertune.model.values import Fopdt, TwoLag
-from heatertune.pid.values import PidDesign
+from heatertune.model.model_values import Fopdt, TwoLag
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Ramp
 from heatertune.proof import Actuator, Load, Scenario, TemperatureStep, simulate, simulate_wish
 from heatertune.proof.loop import noise_of

@@ -13,13 +13,13 @@ from tests.bench.outages import bench_of, low_overshoots
 from tests.bench.second_opinion import compiled, opinion
 
 from heatertune.errors import DocumentError
-from heatertune.model.values import Fopdt, model_by_hand
+from heatertune.model.model_values import Fopdt, model_by_hand
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.design import encode, tune
 from heatertune.plc.open_points import settings_to_prove
 from heatertune.proof import prove
-from heatertune.proof.document import check_document, with_digest
 from heatertune.proof.heaters import MAINS_POWERS, mains_label, scale_power
+from heatertune.proof.proof_document import check_document, with_digest
 from heatertune.proof.redesign import DesignRequest, find_passing_design
 from heatertune.proof.setpoint_ramp import prove_ramped
 from heatertune.settings import Conditions

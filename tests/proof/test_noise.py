@@ -7,7 +7,7 @@ import pytest
 from tests.witness.trace_measures import judge
 
 from heatertune.compiled import dispatch
-from heatertune.model.values import Fopdt, model_by_hand
+from heatertune.model.model_values import Fopdt, model_by_hand
 from heatertune.plc import Scaling, Words, controller_for
 from heatertune.proof import simulate
 from heatertune.proof.criteria import Criterion

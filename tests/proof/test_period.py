@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from heatertune.errors import InputError, OutOfRange, UnknownName
-from heatertune.model.values import Fopdt, TwoLag
+from heatertune.model.model_values import Fopdt, TwoLag
 from heatertune.proof.ripple_and_wear import life, propose_period, ripple_degC
 
 HEATER = Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0)

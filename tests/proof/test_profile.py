@@ -10,8 +10,8 @@ from tests.proof.ways import assert_same_compiled_and_plain
 from tests.witness.trace_measures import judge
 
 from heatertune.errors import DocumentError, InputError
-from heatertune.model.values import Fopdt, TwoLag, model_by_hand
-from heatertune.pid.values import PidDesign
+from heatertune.model.model_values import Fopdt, TwoLag, model_by_hand
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import TARGETS, Scaling, controller_for
 from heatertune.proof import (
     Acceptance,
@@ -24,8 +24,8 @@ from heatertune.proof import (
     simulate,
     story_for,
 )
-from heatertune.proof.document import check_document
 from heatertune.proof.profile import Profile, Segment, read_profile
+from heatertune.proof.proof_document import check_document
 from heatertune.proof.scenario import PlcPower, Scenario, SetpointRampEvent, delay_heater, kinds_of, phases_of
 from heatertune.proof.spec_file import in_force, read_spec, spec_text
 from heatertune.proof.test_sequence import LoopTiming

@@ -8,9 +8,9 @@ import pytest
 from tests.witness.trace_measures import judge
 
 from heatertune.errors import InputError
-from heatertune.model.values import Fopdt
+from heatertune.model.model_values import Fopdt
+from heatertune.pid.design_values import PidDesign
 from heatertune.pid.sampled_loop import margins
-from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.open_points import OpenPoint, settings_to_prove
 from heatertune.proof import (

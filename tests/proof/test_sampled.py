@@ -8,7 +8,7 @@ from tests.witness.trace_measures import judge
 
 from heatertune.codec import decode, encode
 from heatertune.errors import DocumentError, InputError
-from heatertune.model.values import Candidate, Fopdt, model_by_hand
+from heatertune.model.model_values import Candidate, Fopdt, model_by_hand
 from heatertune.plc import controller_for
 from heatertune.plc.design import tune
 from heatertune.plc.word_selection import choose_words
@@ -24,13 +24,13 @@ from heatertune.proof import (
     replay,
 )
 from heatertune.proof.criteria import columns_of
-from heatertune.proof.document import SamplesView
 from heatertune.proof.monte_carlo.draw import measure
 from heatertune.proof.monte_carlo.quantiles import hardest_setting
 from heatertune.proof.monte_carlo.run import sample_document
+from heatertune.proof.proof_document import SamplesView
 from heatertune.proof.prove_words import prove
 from heatertune.proof.scenario import PlcPower
-from heatertune.report.text import samples_rows
+from heatertune.report.report_text import samples_rows
 from heatertune.settings import Conditions
 
 PWM = Actuator(pwm_period_s=10.0)

@@ -4,8 +4,8 @@ from dataclasses import replace
 import pytest
 
 from heatertune.errors import InputError, OutOfRange
-from heatertune.model.values import Fopdt, TwoLag
-from heatertune.pid.values import PidDesign
+from heatertune.model.model_values import Fopdt, TwoLag
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Scaling, controller_for
 from heatertune.proof import Load, Scenario, TemperatureStep, paper_scenario, scenario_for
 from heatertune.proof.loop import check_words

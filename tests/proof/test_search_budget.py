@@ -2,7 +2,7 @@
 
 import pytest
 
-from heatertune.model.values import Fopdt, model_by_hand
+from heatertune.model.model_values import Fopdt, model_by_hand
 from heatertune.plc import Scaling
 from heatertune.proof import prove
 from heatertune.proof import runs as search_budget

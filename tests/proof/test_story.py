@@ -11,8 +11,8 @@ from tests.proof.ways import assert_same_compiled_and_plain
 from tests.witness.trace_measures import judge
 
 from heatertune.errors import InputError, OutOfRange
-from heatertune.model.values import Fopdt, TwoLag
-from heatertune.pid.values import PidDesign
+from heatertune.model.model_values import Fopdt, TwoLag
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import TARGETS, Scaling, controller_for
 from heatertune.proof import (
     Acceptance,

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from tests.bench.second_monitor import Monitors
 
 from heatertune.errors import OutOfRange
-from heatertune.model.values import Fopdt
+from heatertune.model.model_values import Fopdt
 from heatertune.supervision.faulty_loops import HeaterFamily
 from heatertune.supervision.monitor import ALARMS, STATE, Numbers, cold, scan, watch
 from heatertune.supervision.monitor_design import plane_of

@@ -7,11 +7,11 @@ import pytest
 from tests.proof.test_supervision import OFF, random_numbers
 
 from heatertune.errors import InputError
-from heatertune.pid.values import PidDesign
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Scaling, controller_for
 from heatertune.supervision.faulty_loops import Card, Ran
 from heatertune.supervision.text import one_bit, program_check, s5, s7_300
-from heatertune.supervision.text.statements import check_reach, statements_of
+from heatertune.supervision.text.monitor_statements import check_reach, statements_of
 
 CARD = Card(0.0, 0.1, 1000)
 NUMBERS = OFF._replace(low=5, high=900, jump=50, still=9, full=20, growths=2, slow_blocks=2, slow_scale=64, slow_gain=3, slow_rest=-900)

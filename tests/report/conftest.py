@@ -5,9 +5,9 @@ import pytest
 
 from heatertune import chain
 from heatertune.chain.pipeline import dossier
-from heatertune.log.values import Log
-from heatertune.model.values import Fopdt, model_by_hand
-from heatertune.pid.values import PidDesign
+from heatertune.log.log_values import Log
+from heatertune.model.model_values import Fopdt, model_by_hand
+from heatertune.pid.design_values import PidDesign
 from heatertune.report import render
 
 HEATER = Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0)

@@ -10,9 +10,9 @@ from tests.report.conftest import DESIGN, HEATER
 
 from heatertune.codec import encode as as_json
 from heatertune.codec import plain
-from heatertune.model import document as model_document
-from heatertune.model.values import model_by_hand
-from heatertune.pid import document as pid_document
+from heatertune.model import model_document
+from heatertune.model.model_values import model_by_hand
+from heatertune.pid import design_document as pid_document
 from heatertune.plc import TARGETS, Certificate, Scaling, controller_for
 from heatertune.plc.design import encode
 from heatertune.proof.specification import GENERAL, preset

@@ -20,7 +20,7 @@ from heatertune.proof.nearest_specification import limits_above
 from heatertune.proof.specification import preset
 from heatertune.report.controller_comparison import targets_brief
 from heatertune.report.layout import LINES, WIDTH, command, labelled_lines, notes_within, wrap_text
-from heatertune.report.text import keyed_entries
+from heatertune.report.report_text import keyed_entries
 from heatertune.report.verdict_summary import design_brief, verify_brief
 
 BLOCKING = [name for name, kind in KINDS.items() if kind.effect == "blocks"]

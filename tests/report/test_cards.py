@@ -13,9 +13,9 @@ import pytest
 from scipy.signal import lfilter
 
 from heatertune import chain
-from heatertune.log.values import Log
-from heatertune.model.values import Fopdt, model_by_hand
-from heatertune.pid.values import Margins, PidDesign
+from heatertune.log.log_values import Log
+from heatertune.model.model_values import Fopdt, model_by_hand
+from heatertune.pid.design_values import Margins, PidDesign
 from heatertune.plc import Scaling, Words
 from heatertune.report.cards import card, reaction, thinned
 
@@ -168,12 +168,12 @@ def test_a_continuous_design_reacts_too():
 @pytest.mark.long
 def test_a_notebook_cell_that_ends_in_a_value_shows_it(tmp_path):
     cells = [
-        "from heatertune.pid.values import PidDesign\n"
+        "from heatertune.pid.design_values import PidDesign\n"
         "design = PidDesign(gain_pct_per_degC=9.5, integral_time_s=66.0, derivative_time_s=0.0, sample_time_s=4.0,\n"
         "                   structure='pi', method='a test')",
         "design",
         "import heatertune as ht\nwords = ht.encode(design, target='s5-ob251')\nwords",
-        "from heatertune.model.values import model_by_hand\nfrom heatertune.model.values import Fopdt\n"
+        "from heatertune.model.model_values import model_by_hand\nfrom heatertune.model.model_values import Fopdt\n"
         "heater = Fopdt(gain_degC_per_pct=0.37, time_constant_s=167.0, dead_time_s=12.0, ambient_degC=22.0)\n"
         "proof = ht.prove(words, model_by_hand(heater), setpoint_degC=40.0)\nproof",
         "ht.read_log('table4')",

@@ -9,13 +9,13 @@ from tests.report.screens import documents_of
 from tests.report.test_record import _Seen
 
 from heatertune.errors import InputError
-from heatertune.pid.values import PidDesign
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import NAMES, Certificate, Ramp, Scaling, Words, controller_for
 from heatertune.plc.dump_reader import read_machine
 from heatertune.plc.keyed_entry import setpoint_entry, typed_table, typed_words
 from heatertune.proof.words_file import certificate, words_of
 from heatertune.report.page import record
-from heatertune.report.text import words_table
+from heatertune.report.report_text import words_table
 from heatertune.report.verdict_summary import design_brief
 from heatertune.studio import views
 

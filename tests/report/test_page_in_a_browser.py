@@ -9,8 +9,8 @@ from tests.report.conftest import DESIGN, HEATER
 
 from heatertune import chain
 from heatertune.chain.pipeline import dossier
-from heatertune.log.values import Log
-from heatertune.model.values import model_by_hand
+from heatertune.log.log_values import Log
+from heatertune.model.model_values import model_by_hand
 from heatertune.report import render
 
 #: A4 without the margins of the print style, 13 mm above and below, 12 mm beside, in CSS pixels of 1/96 inch

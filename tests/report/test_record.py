@@ -13,8 +13,8 @@ from heatertune import chain
 from heatertune.chain.pipeline import dossier
 from heatertune.codec import encode
 from heatertune.errors import UnknownName
-from heatertune.log.values import Log
-from heatertune.model.values import model_by_hand
+from heatertune.log.log_values import Log
+from heatertune.model.model_values import model_by_hand
 from heatertune.plc import TARGETS, controller_for
 from heatertune.plc.targets import commissioning
 from heatertune.proof.spec_file import in_force

@@ -7,7 +7,7 @@ import pytest
 from heatertune import chain
 from heatertune.chain.documents import without_curves
 from heatertune.codec import plain
-from heatertune.model.values import Fopdt, model_by_hand
+from heatertune.model.model_values import Fopdt, model_by_hand
 from heatertune.plc import Ramp
 from heatertune.proof.pictures import pictures
 from heatertune.proof.verdict import verdict_first
@@ -15,7 +15,7 @@ from heatertune.proof.words_file import export_first
 from heatertune.report import plots
 from heatertune.report.layout import table
 from heatertune.report.plots import LOOK, to_svg
-from heatertune.report.text import criteria_table, criterion_value, design_lines, ramp_note
+from heatertune.report.report_text import criteria_table, criterion_value, design_lines, ramp_note
 
 LABELS = {"temperature [°C]", "residual [°C]", "requested power [%]", "difference [°C]", "heater [%]", "Re L [1]",
           "|S| [1]"}

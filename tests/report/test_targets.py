@@ -5,8 +5,8 @@ import pytest
 
 from heatertune.chain import compare, prove
 from heatertune.codec import plain
-from heatertune.model.values import Fopdt, model_by_hand
-from heatertune.pid.values import PidDesign, structure_of
+from heatertune.model.model_values import Fopdt, model_by_hand
+from heatertune.pid.design_values import PidDesign, structure_of
 from heatertune.plc import TARGETS
 from heatertune.plc.design import encode
 from heatertune.report.controller_comparison import plot_targets, render_targets, targets_table

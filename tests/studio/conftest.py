@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from heatertune.model.values import Fopdt, model_by_hand
+from heatertune.model.model_values import Fopdt, model_by_hand
 from heatertune.studio import work as work_module
 from heatertune.studio.session import Session
 from heatertune.studio.sheet_card import DroppedFile

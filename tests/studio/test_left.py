@@ -7,7 +7,7 @@ import pytest
 
 from heatertune import report
 from heatertune.commissioned import AsLeftSettings
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.studio import work as downloads
 from heatertune.studio.sheet_card import DroppedFile, change_sheet, sheet
 from heatertune.studio.wording import for_page

@@ -9,8 +9,8 @@ from heatertune import chain
 from heatertune.chain.pipeline import dossier
 from heatertune.codec import to_json
 from heatertune.errors import ExportRefused, InputError, NotRepresentable, OutOfRange
-from heatertune.model.values import Candidate, model_by_hand
-from heatertune.pid.document import DesignProvenance
+from heatertune.model.model_values import Candidate, model_by_hand
+from heatertune.pid.design_document import DesignProvenance
 from heatertune.plc import controller_for
 from heatertune.proof.monte_carlo.run import with_samples
 from heatertune.proof.repetition import made_again

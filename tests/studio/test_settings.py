@@ -3,7 +3,7 @@ import math
 import pytest
 
 from heatertune.errors import InputError, OutOfRange, UnknownName
-from heatertune.model.values import Fopdt, model_by_hand
+from heatertune.model.model_values import Fopdt, model_by_hand
 from heatertune.plc import TARGETS, controller_for
 from heatertune.studio.controls import Controls
 from heatertune.studio.loop_settings import SLIDERS, StudioSettings, settings_for

@@ -16,8 +16,8 @@ import pytest
 from tests.bench.documents import DESIGN, HEATER, write_all
 
 from heatertune.codec import to_json
-from heatertune.model.values import model_by_hand
-from heatertune.pid.document import to_document
+from heatertune.model.model_values import model_by_hand
+from heatertune.pid.design_document import to_document
 
 PROVEN = """() => !document.documentElement.classList.contains('stale')
   && /^(PASS|FAIL|NOT PROVEN)/.test(document.querySelector('[data-field=verdict]').textContent)"""

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from heatertune import chain
+from heatertune.model.model_values import Fopdt, TwoLag, model_by_hand
 from heatertune.model.statistics import Interval
-from heatertune.model.values import Fopdt, TwoLag, model_by_hand
 from heatertune.plc.keyed_entry import typed_words
 from heatertune.proof.verdict import verdict_details, verdict_line
 from heatertune.report.plots import LOOK

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.heater.exact import advance
-from heatertune.pid.values import Margins
+from heatertune.pid.design_values import Margins
 from heatertune.plc.pwm import INSTANT_S
 from heatertune.proof.criteria import (
     CRITERION,

@@ -7,9 +7,9 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from heatertune.model.values import Fopdt
+from heatertune.model.model_values import Fopdt
+from heatertune.pid.design_values import PidDesign
 from heatertune.pid.sampled_loop import margins
-from heatertune.pid.values import PidDesign
 from heatertune.plc import controller_for
 from heatertune.plc.design import encode
 from heatertune.proof.prove_words import actuator_for

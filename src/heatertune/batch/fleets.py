@@ -21,9 +21,9 @@ from heatertune.batch import CaseBatch, Progress, Row, TableColumn, Workers, run
 from heatertune.chain.stages import fit
 from heatertune.errors import HeatertuneError, InputError, LogError
 from heatertune.log import read_log
-from heatertune.model.values import FittedModel, Fopdt
+from heatertune.model.model_values import FittedModel, Fopdt
+from heatertune.pid.design_values import PidDesign
 from heatertune.pid.explain import without_explanation
-from heatertune.pid.values import PidDesign
 from heatertune.plc import Words, controller_for
 from heatertune.plc.words import FLOATS
 from heatertune.processors import on_one

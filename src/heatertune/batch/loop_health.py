@@ -19,13 +19,13 @@ from heatertune.batch.fleets import find_logs
 from heatertune.codec import data_folder, read_document
 from heatertune.errors import HeatertuneError, InputError, LogError
 from heatertune.log import read_log
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.loops.diagnosis import Cure, Diagnosis, cure_words, diagnose
 from heatertune.loops.loop_values import Cause, LoopEntry, list_loops, read_list
 from heatertune.loops.measures import at_limit
-from heatertune.model import document as model_document
+from heatertune.model import model_document
+from heatertune.model.model_values import FittedModel, Fopdt, model_by_hand
 from heatertune.model.power.known_controller import replay_controller
-from heatertune.model.values import FittedModel, Fopdt, model_by_hand
 from heatertune.plc import Scaling, Words
 from heatertune.proof.design_request import DesignRequest
 from heatertune.proof.known_controller_check import controllers
@@ -167,11 +167,11 @@ def _since(row: Row, earlier: Mapping[str, Row]) -> dict[str, Any]:
     return {"was": before["outcome"], "change": change}
 
 
-def _with_documents(loop: LoopEntry, beside: Path, before: Row | None) -> tuple[LoopEntry, Any, Any]:
+def _with_documents(loop: LoopEntry, folder: Path, before: Row | None) -> tuple[LoopEntry, Any, Any]:
     """Return a loop with the documents of its design; without, its heater is that of the earlier run."""
     if loop.folder is None:
         return loop, None, None if before is None else {name: before[name] for name in _HEATER}
-    data = data_folder(beside / loop.folder)
+    data = data_folder(folder / loop.folder)
     words = data / "words.json"
     return (loop, read_document(words, WORDS_SCHEMA) if words.exists() else None,
             read_document(data / "model.json", model_document.SCHEMA))
@@ -233,25 +233,25 @@ def _asked(request: DesignRequest, loop: LoopEntry, words: Words | None) -> Desi
     return replace(request, target=target, scaling=scaling)
 
 
-def _told(told: Diagnosis) -> Row:
-    heater = None if told.fitted_model is None else told.fitted_model.model
+def _told(diagnosis: Diagnosis) -> Row:
+    heater = None if diagnosis.fitted_model is None else diagnosis.fitted_model.model
     return {
-        "outcome": told.cause.label, "reason": told.faults[0].message if told.faults else None,
-        "also": "; ".join(found.message for found in told.faults[1:]) or None, "excess": float(told.excess),
-        "confidence": told.confidence, "doubt": told.why_not or None, "what_to_do": told.cause.value,
-        "times_worse": told.worse, "half_cycles": told.swings.count, "period_s": told.swings.period_s,
-        "swing_degC": told.swings.size_degC, "full_power_pct": 100.0 * at_limit(told.course, high=True),
-        "switchings_per_h": told.switchings_per_h, "pwm_period_s": told.pwm_period_s, "switch_ticks": told.switch_ticks,
-        "hours": told.course.hours,
-        "loads": len(told.loads), "course": json.dumps(_course(told)),
-        "fit_pct": None if told.fitted_model is None else told.fitted_model.fit_pct,
+        "outcome": diagnosis.cause.label, "reason": diagnosis.faults[0].message if diagnosis.faults else None,
+        "also": "; ".join(found.message for found in diagnosis.faults[1:]) or None, "excess": float(diagnosis.excess),
+        "confidence": diagnosis.confidence, "doubt": diagnosis.why_not or None, "what_to_do": diagnosis.cause.value,
+        "times_worse": diagnosis.worse, "half_cycles": diagnosis.swings.count, "period_s": diagnosis.swings.period_s,
+        "swing_degC": diagnosis.swings.size_degC, "full_power_pct": 100.0 * at_limit(diagnosis.course, high=True),
+        "switchings_per_h": diagnosis.switchings_per_h, "pwm_period_s": diagnosis.pwm_period_s,
+        "switch_ticks": diagnosis.switch_ticks, "hours": diagnosis.course.hours,
+        "loads": len(diagnosis.loads), "course": json.dumps(_course(diagnosis)),
+        "fit_pct": None if diagnosis.fitted_model is None else diagnosis.fitted_model.fit_pct,
         **({} if heater is None else asdict(heater)),
     }
 
 
-def _course(told: Diagnosis) -> list[list[float]]:
+def _course(diagnosis: Diagnosis) -> list[list[float]]:
     """Return lowest and highest error of equal parts of the log, setpoint minus temperature turned about [°C]."""
-    parts = np.array_split(-told.course.error_degC, min(_POINTS, len(told.course.error_degC)))
+    parts = np.array_split(-diagnosis.course.error_degC, min(_POINTS, len(diagnosis.course.error_degC)))
     return [[float(f"{part.min():.3g}"), float(f"{part.max():.3g}")] for part in parts]
 
 

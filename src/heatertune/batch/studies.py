@@ -17,10 +17,10 @@ from heatertune.chain.stages import fit
 from heatertune.codec import decode, read_document, read_toml
 from heatertune.errors import DocumentError, InputError, UnknownName
 from heatertune.log import read_log
-from heatertune.log.values import BUILT_IN
-from heatertune.model.document import SCHEMA as MODEL_SCHEMA
-from heatertune.model.document import from_document
-from heatertune.model.values import FittedModel, Fopdt, TwoLag, model_by_hand
+from heatertune.log.log_values import BUILT_IN
+from heatertune.model.model_document import SCHEMA as MODEL_SCHEMA
+from heatertune.model.model_document import from_document
+from heatertune.model.model_values import FittedModel, Fopdt, TwoLag, model_by_hand
 from heatertune.options import Option, options_of
 from heatertune.pid.tune import METHODS
 from heatertune.plc import NAMES, Scaling, controller_for
@@ -150,9 +150,9 @@ def read_study(path: str | Path) -> Study:
     return study
 
 
-def _grid(where: str, given: object) -> dict[str, list[Any]]:
+def _grid(where: str, value: object) -> dict[str, list[Any]]:
     lists: dict[str, list[Any]] = {}
-    for key, settings in _table(where, given).items():
+    for key, settings in _table(where, value).items():
         _demand_known(where, "key", key, KEYS)
         if not isinstance(settings, list) or not settings:
             raise DocumentError(f"{where}: {key} is {settings!r}; expected a list of at least one setting")
@@ -162,23 +162,23 @@ def _grid(where: str, given: object) -> dict[str, list[Any]]:
     return lists
 
 
-def _listed(path: str | Path, given: object) -> list[dict[str, Any]]:
-    if not isinstance(given, list):
-        raise DocumentError(f"{path}: case is {given!r}; expected [[case]], once per case")
-    return [_settings(f"{path}, [[case]] {k}", case) for k, case in enumerate(given, start=1)]
+def _listed(path: str | Path, value: object) -> list[dict[str, Any]]:
+    if not isinstance(value, list):
+        raise DocumentError(f"{path}: case is {value!r}; expected [[case]], once per case")
+    return [_settings(f"{path}, [[case]] {k}", case) for k, case in enumerate(value, start=1)]
 
 
-def _settings(where: str, given: object) -> dict[str, Any]:
-    settings = _table(where, given)
+def _settings(where: str, content: object) -> dict[str, Any]:
+    settings = _table(where, content)
     for key in settings:
         _demand_known(where, "key", key, KEYS)
     return {key: _setting(where, key, value) for key, value in settings.items()}
 
 
-def _table(where: str, given: object) -> dict[str, Any]:
-    if not isinstance(given, dict):
-        raise DocumentError(f"{where}: {given!r}; expected a table of key = setting")
-    return given
+def _table(where: str, value: object) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise DocumentError(f"{where}: {value!r}; expected a table of key = setting")
+    return value
 
 
 def _setting(where: str, key: str, value: Any) -> Any:
@@ -379,6 +379,6 @@ def _heater(case: Case) -> FittedModel:
 
 
 @lru_cache(maxsize=16)
-def _fitted(name: str, content: bytes | None, given: FitSettings) -> FittedModel:
+def _fitted(name: str, content: bytes | None, settings: FitSettings) -> FittedModel:
     """Return the fit of a log; the cases that share it come one after the other."""
-    return fit(read_log(name, content=content, errata=True), given)
+    return fit(read_log(name, content=content, errata=True), settings)

@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING, Final, Literal
 from heatertune.chain.facade import decode
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.model.cooler_mirror import cools
+from heatertune.model.model_values import FittedModel, Fopdt, HeaterModel, TwoLag, model_by_hand
 from heatertune.model.transfer_functions import LinearSystem, heater_from
-from heatertune.model.values import FittedModel, Fopdt, HeaterModel, TwoLag, model_by_hand
 from heatertune.options import merge_options, with_options
+from heatertune.pid.design_values import PidDesign
 from heatertune.pid.sampled_loop import MOST_DELAY, sample_plant
 from heatertune.pid.search.feasible import NonlinearProgram, nonlinear_program
 from heatertune.pid.tune import stated_problem
 from heatertune.pid.tune import tune as tune_model
-from heatertune.pid.values import PidDesign
 from heatertune.plc import Words
 from heatertune.settings import TuneSettings
 

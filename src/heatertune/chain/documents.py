@@ -22,18 +22,18 @@ from heatertune.codec import (
     schema_of,
 )
 from heatertune.errors import DocumentError, InputError
-from heatertune.log.values import Log, ReadSummary
-from heatertune.model import document as model_document
-from heatertune.model.document import ModelView
+from heatertune.log.log_values import Log, ReadSummary
+from heatertune.model import model_document
+from heatertune.model.model_document import ModelView
+from heatertune.model.model_values import FittedModel
 from heatertune.model.statistics import Interval
-from heatertune.model.values import FittedModel
-from heatertune.pid import document as pid_document
-from heatertune.pid.document import PidView
-from heatertune.pid.values import PidDesign
+from heatertune.pid import design_document as pid_document
+from heatertune.pid.design_document import PidView
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Scaling, Words, controller_for
 from heatertune.plc.ramp import Boost, Ramp
 from heatertune.proof import Proof
-from heatertune.proof.document import ComparisonView, LogView, PicturesView, ProofView, TakenView, check_document
+from heatertune.proof.proof_document import ComparisonView, LogView, PicturesView, ProofView, TakenView, check_document
 from heatertune.proof.repetition import demand_consistent
 from heatertune.proof.verdict import FIRST, PROOF_SCHEMA, verdict_first
 from heatertune.proof.words_file import WORDS_SCHEMA, FieldView, WholeWordsView, demand_same_words, words_of

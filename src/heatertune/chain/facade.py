@@ -12,17 +12,17 @@ from typing import TYPE_CHECKING, Any
 
 from heatertune.cache import load_or_compute
 from heatertune.errors import InputError
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.model.experiment.fisher import ExperimentSetup, ReadingNoise, prior_by_hand, prior_of
 from heatertune.model.experiment.plan import propose, to_document
+from heatertune.model.model_values import FittedModel, HeaterModel
 from heatertune.model.power.known_controller import replay_controller
 from heatertune.model.validate import Verdict
 from heatertune.model.validate import validate as judge
-from heatertune.model.values import FittedModel, HeaterModel
 from heatertune.options import with_options
 from heatertune.pid import sampled_loop as robustness
+from heatertune.pid.design_values import Margins, PidDesign
 from heatertune.pid.sampled_loop import iae_load as load_iae
-from heatertune.pid.values import Margins, PidDesign
 from heatertune.plc import Words, controller_for
 from heatertune.plc.core import RunningController
 from heatertune.processors import ProgressCallback
@@ -85,7 +85,7 @@ def plan(
 @with_options(ValidateSettings)
 def validate(
     fitted: FittedModel, log: Log, settings: ValidateSettings | None = None, *, words: Words | None = None,
-    setpoint_degC: float | None = None, known: Mapping[str, str] | None = None, **changed: Unpack[ValidateOptions],
+    setpoint_degC: float | None = None, stated: Mapping[str, str] | None = None, **changed: Unpack[ValidateOptions],
 ) -> Verdict:
     """Validate a model on another log of its heater; arguments and errors as `heatertune.model.validate.validate`.
 
@@ -95,7 +95,7 @@ def validate(
         settings: of the validation; None: the defaults.
         words: controller parameters during a log without power; open points have their defaults.
         setpoint_degC: its setpoint [°C]; None: as logged.
-        known: open point → known setting of this controller.
+        stated: open point → known setting of this controller.
         changed: fields of `ValidateSettings` that differ from `settings`.
 
     Raises:
@@ -104,7 +104,7 @@ def validate(
     """
     if words is None:
         return judge(fitted, log, settings, **changed)
-    controller = controllers(words, known)[0]
+    controller = controllers(words, stated)[0]
     verdict = judge(fitted, replay_controller(log, controller, setpoint_degC), settings, **changed)
     note = f"The power was not logged; {controller.name} was run on the readings, from a cold start at the first one."
     return replace(verdict, notes=(note, *verdict.notes))

@@ -22,16 +22,16 @@ from heatertune.codec import DATA, Document, data_folder, decode, encode, plain,
 from heatertune.commissioned import RECORD_SCHEMA, AsLeftSettings, RecordSettings
 from heatertune.errors import ExportRefused, InputError
 from heatertune.log import read_log
-from heatertune.log.values import Log
-from heatertune.model import document as model_document
+from heatertune.log.log_values import Log
+from heatertune.model import model_document
 from heatertune.model.disturbance import DisturbanceEffect
-from heatertune.model.document import from_document, read_model
 from heatertune.model.loss_curve import for_setpoints
-from heatertune.model.values import FittedModel
+from heatertune.model.model_document import from_document, read_model
+from heatertune.model.model_values import FittedModel
 from heatertune.options import Keywords, merge_options, split_options, with_options
-from heatertune.pid import document as pid_document
-from heatertune.pid.document import DesignProvenance
-from heatertune.pid.values import PidDesign
+from heatertune.pid import design_document as pid_document
+from heatertune.pid.design_document import DesignProvenance
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Scaling, Words, controller_for
 from heatertune.plc.design import loop_fit, stated_scaling
 from heatertune.plc.feed_forward import feed_forward as line_for
@@ -43,10 +43,10 @@ from heatertune.proof.as_left import AS_LEFT_SCHEMA, AsLeft, as_left
 from heatertune.proof.comparison import paper_runs, price_of_doubt, rivals
 from heatertune.proof.design_request import DesignRequest, DesignResult
 from heatertune.proof.difference import WRITTEN_SCHEMA, WriteHistory
-from heatertune.proof.document import ComparisonView, ProofView, check_document
-from heatertune.proof.feed_forward import FeedForwardProof, PlainLoop, prove_feed_forward
+from heatertune.proof.feed_forward_check import FeedForwardProof, PlainLoop, prove_feed_forward
 from heatertune.proof.heaters import holding_heaters
 from heatertune.proof.pictures import pictures, robustness
+from heatertune.proof.proof_document import ComparisonView, ProofView, check_document
 from heatertune.proof.prove_words import every_setpoint
 from heatertune.proof.redesign.on_samples import closed_on_samples
 from heatertune.proof.text_comparison import as_exported
@@ -338,14 +338,14 @@ def _shown(
 
 
 def write_report(
-    log: Log, fitted: FittedModel, wished: PidDesign, proof: Proof, out: str | Path, *, force: bool = False
+    log: Log, fitted: FittedModel, ideal: PidDesign, proof: Proof, out: str | Path, *, force: bool = False
 ) -> list[Path]:
     """Write the documents, the export files of words that passed (or were forced) and `report.html`; return the paths.
 
     Args:
         log: as it was read.
         fitted: the heater behind it.
-        wished: the design.
+        ideal: the design.
         proof: of its words.
         out: directory for the results.
         force: export regardless of the verdict.
@@ -355,11 +355,11 @@ def write_report(
         ExportRefused: as `export`.
     """
     files = export(proof.words, proof, force=force) if force or proof.verdict == "PASS" else {}
-    return _write(dossier(log, fitted, wished, proof, files), files, out)
+    return _write(dossier(log, fitted, ideal, proof, files), files, out)
 
 
 def dossier(
-    log: Log, fitted: FittedModel, wished: PidDesign, proof: Proof, files: Mapping[str, str | bytes],
+    log: Log, fitted: FittedModel, ideal: PidDesign, proof: Proof, files: Mapping[str, str | bytes],
     search: Document | None = None, recipe: DesignProvenance | None = None,
 ) -> dict[str, dict[str, Any]]:
     """Return the documents of all stages in JSON form: a report made from them equals one made later from the files.
@@ -367,45 +367,45 @@ def dossier(
     Args:
         log: as it was read.
         fitted: the heater behind it.
-        wished: the design.
+        ideal: the design.
         proof: of its words.
         files: exported files, name → content; empty if the export was refused.
         search: how the parameters were found, see `heatertune.plc.word_selection.search_document`; None: omitted.
         recipe: provenance of the parameters; None: omitted.
     """
     nobody = Worker(None)
-    documents = _without_comparison(log, fitted, wished, proof, files, search, recipe, nobody)
-    return _with_comparison(documents, log, fitted, wished, proof, nobody)
+    documents = _without_comparison(log, fitted, ideal, proof, files, search, recipe, nobody)
+    return _with_comparison(documents, log, fitted, ideal, proof, nobody)
 
 
 def _without_comparison(
-    log: Log, fitted: FittedModel, wished: PidDesign, proof: Proof, files: Mapping[str, str | bytes],
+    log: Log, fitted: FittedModel, ideal: PidDesign, proof: Proof, files: Mapping[str, str | bytes],
     search: Document | None, recipe: DesignProvenance | None, second: Worker,
 ) -> dict[str, dict[str, Any]]:
     """Return the documents without the comparison, whose pictures are still being drawn."""
     documents = _found(log, fitted) | {
-        "pid": pid_document.to_document(wished, fitted, recipe),
+        "pid": pid_document.to_document(ideal, fitted, recipe),
         "words": words_document(proof.words, proof, files, search),
         "proof": proof.to_document(),
         "pictures": robustness(fitted, proof),
     }
     second.draw(documents, "design")
-    documents["pictures"] = pictures(wished, fitted, proof, documents["pictures"])
+    documents["pictures"] = pictures(ideal, fitted, proof, documents["pictures"])
     second.draw(documents, "proof")
     return documents
 
 
 def _with_comparison(
-    documents: Mapping[str, dict[str, Any]], log: Log, fitted: FittedModel, wished: PidDesign, proof: Proof,
+    documents: Mapping[str, dict[str, Any]], log: Log, fitted: FittedModel, ideal: PidDesign, proof: Proof,
     second: Worker,
 ) -> dict[str, dict[str, Any]]:
     """Return the documents with the comparison, whose pictures are still being drawn."""
     inputs = {name: documents[name] for name in ("model", "pid", "words", "proof")} | {"same_heater": log.same_heater}
     comparison = cache.load_or_compute("comparison", inputs, lambda: encode(ComparisonView(
         paper=paper_runs(fitted) if log.same_heater else None,
-        cost=price_of_doubt(loop_fit(fitted, proof.words.target, proof.words.scaling), wished),
-        rivals=rivals(fitted, wished, proof),  # last: they wait for the compiler
-    )), lambda kept: encode(decode(ComparisonView, kept, "comparison")))
+        cost=price_of_doubt(loop_fit(fitted, proof.words.target, proof.words.scaling), ideal),
+        rivals=rivals(fitted, ideal, proof),  # last: they wait for the compiler
+    )), lambda stored: encode(decode(ComparisonView, stored, "comparison")))
     compared = {**documents, "comparison": comparison}
     second.draw(compared, "comparison")
     return compared

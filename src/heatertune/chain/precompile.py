@@ -108,12 +108,12 @@ class Worker:
         for event in (*self._made.values(), *(asked.drawn for asked in self._asked.values())):
             event.set()
 
-    def _send(self, write: Callable[[IO[bytes], object], None], message: object, told: Iterable[Event]) -> None:
+    def _send(self, write: Callable[[IO[bytes], object], None], message: object, events: Iterable[Event]) -> None:
         pipe = None if self._process is None else self._process.stdin
         if pipe is not None:
             write(pipe, message)
         if self._process is None:  # or by now
-            for event in told:
+            for event in events:
                 event.set()
 
 

@@ -10,13 +10,13 @@ from typing import IO, TYPE_CHECKING, Any, Literal, Protocol, cast, runtime_chec
 from heatertune import cache
 from heatertune.errors import ExportRefused, InputError
 from heatertune.log import read_log
+from heatertune.log.log_values import Log
 from heatertune.log.read import log_of
-from heatertune.log.values import Log
-from heatertune.model import document as model_document
+from heatertune.model import model_document
+from heatertune.model.model_values import FittedModel
 from heatertune.model.temperature.fit_temperature import pool_candidates
-from heatertune.model.values import FittedModel
 from heatertune.options import Keywords, merge_options, split_options, with_options
-from heatertune.pid.values import PidDesign
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Scaling, Words, controller_for
 from heatertune.plc.design import encode as round_words
 from heatertune.plc.design import stated_scaling
@@ -108,7 +108,7 @@ def fit_together(
 @with_options(FitSettings)
 def fit_known(
     log: Log, words: Words, settings: FitSettings | None = None, *, setpoint_degC: float | None = None,
-    known: Mapping[str, str] | None = None, progress: ProgressCallback = log_progress,
+    stated: Mapping[str, str] | None = None, progress: ProgressCallback = log_progress,
     **changed: Unpack[FitOptions],
 ) -> FittedModel:
     """Identify the heater of a log without power but with a known controller.
@@ -118,7 +118,7 @@ def fit_known(
         words: parameters of the controller.
         settings: as in `fit`; if no power before the first reading is given, it was 0.
         setpoint_degC: its setpoint [°C]; None: as logged.
-        known: open point → known setting of this controller.
+        stated: open point → known setting of this controller.
         progress: called with a short message when a stage begins.
         changed: as in `fit`.
 
@@ -130,7 +130,7 @@ def fit_known(
         raise InputError("parameters with a setpoint ramp: a log contains the requested setpoint, not the ramped one")
     from heatertune.model.fit import fit_known as fit_log_known
 
-    tried = controllers(words, known)
+    tried = controllers(words, stated)
     given = merge_options(FitSettings, settings, changed)
     inputs = _columns(log) | asdict(given) | {
         "setpoint_degC": setpoint_degC, "target": words.target, "words": dict(words.values),
@@ -158,14 +158,14 @@ def _log(data: Any, read: ReadSettings | None, options: Keywords) -> Log:
     return read_log(data, merge_options(ReadSettings, read, options))
 
 
-def _fit_one(log: Log, given: FitSettings, progress: ProgressCallback, *, thorough: bool = False) -> FittedModel:
+def _fit_one(log: Log, settings: FitSettings, progress: ProgressCallback, *, thorough: bool = False) -> FittedModel:
     def run() -> FittedModel:
         from heatertune.model.fit import fit as fit_log
 
         laws = _laws() if log.power_pct is None else ()
-        return fit_log(log, given, laws=laws, thorough=thorough, progress=progress)
+        return fit_log(log, settings, laws=laws, thorough=thorough, progress=progress)
 
-    return _kept("fit", _columns(log) | asdict(given) | {"thorough": thorough}, run, progress)
+    return _kept("fit", _columns(log) | asdict(settings) | {"thorough": thorough}, run, progress)
 
 
 def _columns(log: Log) -> dict[str, Any]:

@@ -17,8 +17,8 @@ from typing import IO, Any, Final
 from heatertune.codec import Document
 from heatertune.compiled import decide
 from heatertune.errors import HeatertuneError
-from heatertune.model.values import Fopdt
-from heatertune.pid.values import PidDesign
+from heatertune.model.model_values import Fopdt
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Scaling, Words, controller_for
 from heatertune.plc.controller import Controller
 from heatertune.plc.pwm import Actuator
@@ -58,7 +58,7 @@ def _compile(target: str) -> None:
     simulate(which, _words(which), _HEATER, _SCENARIO, Actuator(pwm_period_s=10.0), direct=True)
 
 
-def _receive(first: IO[bytes], asked: SimpleQueue[Any], drawn: set[int]) -> None:
+def _receive(first: IO[bytes], requests: SimpleQueue[Any], drawn: set[int]) -> None:
     """Receive requests and cancellations; end this process as soon as the first one has ended."""
     with suppress(EOFError, OSError, pickle.UnpicklingError):
         while True:
@@ -66,17 +66,17 @@ def _receive(first: IO[bytes], asked: SimpleQueue[Any], drawn: set[int]) -> None
             if isinstance(told, int):
                 drawn.add(told)
             else:
-                asked.put(told)
+                requests.put(told)
     os._exit(1)
 
 
-def _work(asked: SimpleQueue[Any], drawn: set[int], compiles: bool) -> None:
+def _work(requests: SimpleQueue[Any], drawn: set[int], compiles: bool) -> None:
     """Compile as requested, then draw sections that the first process has not drawn, until the process ends."""
     if compiles:
         import numba  # noqa: F401
     else:
         _draw_first()
-    targets: Sequence[str] = asked.get()
+    targets: Sequence[str] = requests.get()
     decide(True)
     for target in targets:
         _compile(target)
@@ -87,7 +87,7 @@ def _work(asked: SimpleQueue[Any], drawn: set[int], compiles: bool) -> None:
 
     documents: Mapping[str, Document]
     while True:
-        request, documents, name = asked.get()
+        request, documents, name = requests.get()
         if request not in drawn:
             print(json.dumps([request, name, sections(documents, [name])[name]]), flush=True)
 

@@ -127,28 +127,28 @@ def _open_closed_streams() -> None:
             setattr(sys, name, stream)
 
 
-def _run(given: tuple[str, ...]) -> int:
+def _run(arguments: tuple[str, ...]) -> int:
     """Run a command line; alone it shows where to begin.
 
     Raises:
         InputError: no such command.
     """
-    if not given:
+    if not arguments:
         print(_welcome())
         return 0
-    given = _as_help(given)
-    if not given[0].startswith("-") and given[0] not in COMMAND_MODULES:
-        near = did_you_mean(given[0], (*COMMAND_MODULES, "help"))
-        log = given[0] if Path(given[0]).is_file() else closest(given[0], BUILT_IN)
+    arguments = _as_help(arguments)
+    if not arguments[0].startswith("-") and arguments[0] not in COMMAND_MODULES:
+        near = did_you_mean(arguments[0], (*COMMAND_MODULES, "help"))
+        log = arguments[0] if Path(arguments[0]).is_file() else closest(arguments[0], BUILT_IN)
         near = near or (f": did you mean heatertune design {log} --target NAME?" if log else "")
-        raise InputError(f"unknown command {given[0]!r}{near} (see: heatertune --help)")
-    its = parser(given[0])
-    given, source = with_user_settings(given, its)
-    settings = its.parse_args(given)
+        raise InputError(f"unknown command {arguments[0]!r}{near} (see: heatertune --help)")
+    its = parser(arguments[0])
+    arguments, source = with_user_settings(arguments, its)
+    settings = its.parse_args(arguments)
     demand_files(its, settings)
     if source and not getattr(settings, "quiet", False):
         print(source, file=sys.stderr)
-    settings.given = given
+    settings.given = arguments
     return int(settings.run(settings))
 
 

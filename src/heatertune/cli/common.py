@@ -31,9 +31,9 @@ from heatertune.settings import (
 from heatertune.units import check
 
 if TYPE_CHECKING:
-    from heatertune.model.values import FittedModel
-    from heatertune.pid.document import DesignProvenance
-    from heatertune.pid.values import PidDesign
+    from heatertune.model.model_values import FittedModel
+    from heatertune.pid.design_document import DesignProvenance
+    from heatertune.pid.design_values import PidDesign
     from heatertune.plc.dump_reader import Machine
     from heatertune.proof.redesign import DesignRequest
 
@@ -224,17 +224,17 @@ def _first_clause(text: str) -> str:
     return text
 
 
-def again(given: Sequence[str], options: Sequence[str]) -> tuple[str, ...]:
+def again(arguments: Sequence[str], options: Sequence[str]) -> tuple[str, ...]:
     """Return a command with options in the place of what it says there; nothing without options.
 
     Args:
-        given: as it was typed, without the program's name.
+        arguments: as it was typed, without the program's name.
         options: flags, each followed by its value, or values in one; of values NAME=VALUE only those of the name are
             replaced.
     """
     if not options:
         return ()
-    command = tuple(given)
+    command = tuple(arguments)
     for flag, value in zip(options[::2], options[1::2], strict=True):
         if flag == "--target":
             command = tuple(word for word in command if word != "--as-printed")  # the target says which
@@ -242,9 +242,9 @@ def again(given: Sequence[str], options: Sequence[str]) -> tuple[str, ...]:
     return ("heatertune", *command)
 
 
-def _without(given: Sequence[str], flag: str, name: str) -> tuple[str, ...]:
+def _without(arguments: Sequence[str], flag: str, name: str) -> tuple[str, ...]:
     """Return a command without a flag and its value; where there is a name, only where the value is of that name."""
-    kept, rest = list[str](), list(given)
+    kept, rest = list[str](), list(arguments)
     while rest:
         word = rest.pop(0)
         value = word.removeprefix(f"{flag}=") if word.startswith(f"{flag}=") else rest[0] if word == flag else None
@@ -432,7 +432,7 @@ def design_and_model(settings: argparse.Namespace) -> tuple[PidDesign, FittedMod
     Raises:
         InputError: the file holds no model and none is given by hand.
     """
-    from heatertune.pid.document import read_design
+    from heatertune.pid.design_document import read_design
 
     design, model, recipe = read_design(settings.pid)
     return design, model if model is not None and not by_hand(settings) else model_from(settings, None), recipe
@@ -449,7 +449,7 @@ def words_of_machine(settings: argparse.Namespace, path: str) -> Machine:
     if settings.called_every is not None:
         check("--called-every", settings.called_every, above=0.0)
     return read_machine(plc.controller_for(target(settings)), content_of(path), sample_time_s=settings.called_every,
-                        scaling=scaling(settings), source=path, known=conditions(settings).switches)
+                        scaling=scaling(settings), source=path, stated=conditions(settings).switches)
 
 
 def proof_asked(settings: argparse.Namespace) -> bool:
@@ -471,7 +471,7 @@ def _given(settings: argparse.Namespace, *names: str) -> dict[str, Any]:
 
 def _model_of_design(path: str) -> FittedModel | None:
     """Return the model that a pid.json holds; None where the file is none."""
-    from heatertune.pid.document import SCHEMA, read_design
+    from heatertune.pid.design_document import SCHEMA, read_design
 
     if peek_schema(path) != SCHEMA:
         return None
@@ -488,8 +488,8 @@ def model_from(settings: argparse.Namespace, path: str | None) -> FittedModel:
     Raises:
         InputError: both or neither are given, or a number of the hand-given model is missing.
     """
-    from heatertune.model.document import read_model
-    from heatertune.model.values import (
+    from heatertune.model.model_document import read_model
+    from heatertune.model.model_values import (
         Fopdt,
         TwoLag,
         model_by_hand,

@@ -243,7 +243,7 @@ def _proven(settings: argparse.Namespace) -> dict[str, Any]:
     program on this machine is read from the cache and checked like any proof. `verify` always proves again.
     """
     from heatertune.cache import load_or_compute, release
-    from heatertune.model import document as model_document
+    from heatertune.model import model_document
     from heatertune.proof.spec_file import specification_of
 
     progress = printing.Progress(settings)
@@ -262,15 +262,15 @@ def _proven(settings: argparse.Namespace) -> dict[str, Any]:
     return kept | {"files": files}
 
 
-def _prove(asked: ProofSource, progress: Any, *, force: bool) -> dict[str, Any]:
+def _prove(source: ProofSource, progress: Any, *, force: bool) -> dict[str, Any]:
     from heatertune.chain.documents import words_document
     from heatertune.plc.word_selection import search_document
     from heatertune.proof.repetition import design_document
     from heatertune.proof.setpoint_ramp import prove_ramped
 
-    proof, told = prove_ramped(asked.words, asked.fitted_model, asked.ramp, asked.conditions, progress=progress)
-    notes = [*asked.notes, *told]
-    search = None if asked.choice is None else search_document(asked.choice, asked.fitted_model, notes)
+    proof, told = prove_ramped(source.words, source.fitted_model, source.ramp, source.conditions, progress=progress)
+    notes = [*source.notes, *told]
+    search = None if source.choice is None else search_document(source.choice, source.fitted_model, notes)
     try:
         files = chain.export(proof.words, proof, force=force)
     except ExportRefused:  # nothing is kept; the way on is among the notes
@@ -278,18 +278,18 @@ def _prove(asked: ProofSource, progress: Any, *, force: bool) -> dict[str, Any]:
             progress.note(note)
         raise
     document = words_document(proof.words, proof, files, search)
-    design = design_document(proof, asked.design, asked.fitted_model, asked.recipe, asked.conditions)
+    design = design_document(proof, source.design, source.fitted_model, source.recipe, source.conditions)
     return {"words": document, "pid": design, "proof": proof.to_document(), "notes": notes,
             "files": {name: text if isinstance(text, str) else list(text) for name, text in files.items()}}
 
 
-def _demand_export(document: dict[str, Any], asked: ProofSource, *, force: bool) -> dict[str, Any]:
+def _demand_export(document: dict[str, Any], source: ProofSource, *, force: bool) -> dict[str, Any]:
     """Return the document of an export, checked as one that was read from a folder.
 
     Raises:
         HeatertuneError: it is damaged, of other words, without a PASS or with files that the controller does not have.
     """
-    from heatertune.proof.document import check_document
+    from heatertune.proof.proof_document import check_document
     from heatertune.proof.words_file import certificate, demand_same_words, words_of
 
     where = "the cache"
@@ -299,8 +299,8 @@ def _demand_export(document: dict[str, Any], asked: ProofSource, *, force: bool)
         raise DocumentError(f"{where}: no export")
     proof = check_document(document["proof"], where)
     demand_same_words(document["words"], proof, where)
-    words = words_of(document["words"], asked.words.target, where)
-    if asked.ramp is None and words != asked.words:
+    words = words_of(document["words"], source.words.target, where)
+    if source.ramp is None and words != source.words:
         raise DocumentError(f"{where}: other words")
     expected = plc.controller_for(words.target).export(words, certificate(proof, force=force))
     if {name: text if isinstance(text, str) else list(text) for name, text in expected.items()} != document["files"]:

@@ -17,8 +17,8 @@ from heatertune.settings import FitSettings, ValidateSettings
 from heatertune.writing import write_files
 
 if TYPE_CHECKING:
-    from heatertune.log.values import Log
-    from heatertune.model.values import FittedModel
+    from heatertune.log.log_values import Log
+    from heatertune.model.model_values import FittedModel
 
 __all__ = [
     "FIT_EXAMPLE", "PLAN_EXAMPLE", "READ_EXAMPLE", "VALIDATE_EXAMPLE", "add_fit", "add_plan", "add_read",
@@ -114,7 +114,7 @@ def add_validate(commands: Any) -> None:
 
 
 def _run_validate(settings: argparse.Namespace) -> int:
-    from heatertune.model.document import read_model
+    from heatertune.model.model_document import read_model
     from heatertune.model.validate import to_document
 
     progress = printing.Progress(settings)
@@ -123,7 +123,7 @@ def _run_validate(settings: argparse.Namespace) -> int:
     printing.tell_taken(settings, [log], progress)
     verdict = chain.validate(
         model, log, options.of(ValidateSettings, settings), words=known_words(settings, [log]),
-        setpoint_degC=common.conditions(settings).highest_degC, known=common.conditions(settings).switches,
+        setpoint_degC=common.conditions(settings).highest_degC, stated=common.conditions(settings).switches,
     )
     document = to_document(verdict)
     printing.save(settings.out, document)
@@ -222,7 +222,7 @@ def _model(settings: argparse.Namespace) -> FittedModel:
     Raises:
         InputError: ranges are given as well.
     """
-    from heatertune.model.document import read_model
+    from heatertune.model.model_document import read_model
 
     if any(getattr(settings, name) is not None for name in _RANGES):
         raise InputError("name a model file or --gain, --time-constant, --dead-time, not both")
@@ -275,7 +275,7 @@ def add_fit(commands: Any) -> None:
 
 
 def _run_fit(settings: argparse.Namespace) -> int:
-    from heatertune.model.document import to_document
+    from heatertune.model.model_document import to_document
 
     progress = printing.Progress(settings)
     progress("reading")
@@ -299,7 +299,7 @@ def _fitted(settings: argparse.Namespace, logs: Sequence[Log], progress: printin
     if words is not None:
         its = common.conditions(settings)
         return chain.fit_known(
-            logs[0], words, given, setpoint_degC=its.highest_degC, known=its.switches, progress=progress)
+            logs[0], words, given, setpoint_degC=its.highest_degC, stated=its.switches, progress=progress)
     if len(logs) == 1:
         return chain.fit(logs[0], given, thorough=settings.hypotheses, progress=progress)
     return chain.fit_together(logs, given, progress=progress)

@@ -23,7 +23,7 @@ from heatertune.units import count
 from heatertune.writing import write_files
 
 if TYPE_CHECKING:
-    from heatertune.log.values import Log, ReadSummary
+    from heatertune.log.log_values import Log, ReadSummary
 
 __all__ = [
     "LINE", "Line", "Progress", "add_output_options", "can_take", "colourise", "has_colour", "output", "save",

@@ -16,7 +16,7 @@ from heatertune.settings import Conditions
 from heatertune.writing import write_files
 
 if TYPE_CHECKING:
-    from heatertune.pid.values import Timer
+    from heatertune.pid.design_values import Timer
     from heatertune.terms import GlossaryTerm
 
 __all__ = ["SPEC_EXAMPLE", "TARGETS_EXAMPLE", "TERMS_EXAMPLE", "add_spec", "add_targets", "add_terms"]

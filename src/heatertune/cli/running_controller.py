@@ -128,7 +128,7 @@ def add_advise(commands: Any) -> None:
 
 def _run_advise(settings: argparse.Namespace) -> int:
     from heatertune.log import read_log
-    from heatertune.pid.document import read_design
+    from heatertune.pid.design_document import read_design
     from heatertune.proof.advice import advise
 
     design, model, kept = read_design(settings.pid)
@@ -170,7 +170,7 @@ def add_decode(commands: Any) -> None:
 
 
 def _run_decode(settings: argparse.Namespace) -> int:
-    from heatertune.pid.document import to_document
+    from heatertune.pid.design_document import to_document
     from heatertune.plc.dump_reader import realised_design
 
     controller = plc.controller_for(common.target(settings))

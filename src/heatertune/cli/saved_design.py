@@ -20,10 +20,10 @@ from heatertune.plc.targets import REPAIRED
 from heatertune.settings import Conditions, SensorSettings, WordSettings
 
 if TYPE_CHECKING:
-    from heatertune.log.values import Log
-    from heatertune.model.values import FittedModel
-    from heatertune.pid.document import DesignProvenance
-    from heatertune.pid.values import PidDesign
+    from heatertune.log.log_values import Log
+    from heatertune.model.model_values import FittedModel
+    from heatertune.pid.design_document import DesignProvenance
+    from heatertune.pid.design_values import PidDesign
     from heatertune.plc import Words
     from heatertune.plc.word_selection import WordChoice
 
@@ -142,7 +142,7 @@ def target_in(path: str) -> str:
     Raises:
         InputError: the file names none, or cannot be read.
     """
-    from heatertune.pid.document import SCHEMA, read_design
+    from heatertune.pid.design_document import SCHEMA, read_design
     from heatertune.proof.words_file import WORDS_SCHEMA
 
     schema = peek_schema(path)
@@ -154,19 +154,19 @@ def target_in(path: str) -> str:
     return recipe.target
 
 
-def redesign_command(settings: argparse.Namespace, asked: ProofSource, setpoint_degC: float) -> tuple[str, ...]:
+def redesign_command(settings: argparse.Namespace, source: ProofSource, setpoint_degC: float) -> tuple[str, ...]:
     """Return the whole command that designs again what fails, for the same heater, controller and conditions.
 
     Args:
         settings: of the command that proved it.
-        asked: what was proven.
+        source: what was proven.
         setpoint_degC: of the proof [°C].
     """
-    target, path = asked.words.target, Path(settings.pid)
+    target, path = source.words.target, Path(settings.pid)
     hand = [part for name in _BY_HAND if (value := getattr(settings, name)) is not None
             for part in (f"--{name.replace('_', '-')}", f"{value:g}")]
     words = ["tune", *(hand or [str(path)]), "--target", REPAIRED.get(target, target)]
-    scaling, known = asked.words.scaling, asked.conditions
+    scaling, known = source.words.scaling, source.conditions
     words += [] if scaling.input is None else ["--input", scaling.input]
     words += ["--range", *(f"{end:.12g}" for end in scaling.sensor_degC)]
     if known.setpoint_degC is None and known.profile is None:
@@ -176,26 +176,26 @@ def redesign_command(settings: argparse.Namespace, asked: ProofSource, setpoint_
     for name, one in options_of(Conditions).items():
         if (value := getattr(known, name)) != one.default:
             words += _typed(one, value)
-    if asked.choice is not None and asked.structure not in (None, "pi"):
-        words += ["--structure", str(asked.structure)]
+    if source.choice is not None and source.structure not in (None, "pi"):
+        words += ["--structure", str(source.structure)]
     words += ["--out", str(path.with_name(f"{path.stem}_redesigned.json"))]
-    found = [part for flag, value in _OPTION.findall(asked.way_on or "") for part in (flag, value)]
+    found = [part for flag, value in _OPTION.findall(source.way_on or "") for part in (flag, value)]
     return again(words, found) if found else ("heatertune", *words)
 
 
-def _typed(one: Option, value: Any) -> list[str]:
+def _typed(option: Option, value: Any) -> list[str]:
     """Return an option as the words of a command line."""
     if isinstance(value, Mapping):
-        return [part for name, setting in value.items() for part in (one.flag, f"{name}={setting}")]
-    if one.kind is tuple:
-        return [part for item in value for part in (one.flag, str(item))]
-    if one.kind is bool:
-        return [one.flag]
+        return [part for name, setting in value.items() for part in (option.flag, f"{name}={setting}")]
+    if option.kind is tuple:
+        return [part for item in value for part in (option.flag, str(item))]
+    if option.kind is bool:
+        return [option.flag]
     values = value if isinstance(value, tuple) else (value,)
-    return [one.flag, *(f"{item:.12g}" if isinstance(item, float) else str(item) for item in values)]
+    return [option.flag, *(f"{item:.12g}" if isinstance(item, float) else str(item) for item in values)]
 
 
-def in_force(settings: argparse.Namespace, kept: DesignProvenance | None, where: str) -> tuple[DesignProvenance,
+def in_force(settings: argparse.Namespace, origin: DesignProvenance | None, where: str) -> tuple[DesignProvenance,
                                                                                                list[str]]:
     """Return the recipe in force: that of the file with options in the place of what it says, and what is told of it.
 
@@ -205,66 +205,67 @@ def in_force(settings: argparse.Namespace, kept: DesignProvenance | None, where:
         InputError: a file of the specification has changed since; another controller whose module gives no degrees;
             as `heatertune.options.of`.
     """
-    from heatertune.pid.document import DesignProvenance
+    from heatertune.pid.design_document import DesignProvenance
     from heatertune.proof.repetition import demand_same_files
 
     target = common.target(settings) if hasattr(settings, "target") else None
     sensor, own = options.provided_options(SensorSettings, settings), options.provided_options(Conditions, settings)
     by = {name: value for name, value in options.provided_options(WordSettings, settings).items()
           if name in ("words_by", "refined")}
-    if kept is None:
+    if origin is None:
         return DesignProvenance(target=target or "", conditions=common.conditions(settings), **sensor, **by), []
-    demand_same_files(kept, own, where)
-    kept, foreign = _of(kept, kept.target if target is None else target, where, sensor)
+    demand_same_files(origin, own, where)
+    origin, foreign = _of(origin, origin.target if target is None else target, where, sensor)
     if common.by_hand(settings):  # what was accepted was found in another model
-        kept = replace(kept, conditions=replace(kept.conditions, accept=()))
-    recipe = replace(kept, conditions=_merged(kept.conditions, own), **sensor, **by)
+        origin = replace(origin, conditions=replace(origin.conditions, accept=()))
+    recipe = replace(origin, conditions=_merged(origin.conditions, own), **sensor, **by)
     if "setpoint_ramp" in options.provided_options(WordSettings, settings):
         recipe = replace(recipe, setpoint_ramp=None)
     if options.of(WordSettings, settings).boost == "none":
         recipe = replace(recipe, boost=None)
-    return recipe, [*foreign, *_told(kept, recipe, where)]
+    return recipe, [*foreign, *_told(origin, recipe, where)]
 
 
-def _of(kept: DesignProvenance, target: str, where: str, sensor: Mapping[str, Any]) -> tuple[DesignProvenance,
+def _of(origin: DesignProvenance, target: str, where: str, sensor: Mapping[str, Any]) -> tuple[DesignProvenance,
                                                                                              list[str]]:
     """Return what a recipe says of any controller, where it is of another one, and what of it is not taken then."""
     from heatertune.plc.inputs import has_ends
 
-    degrees = has_ends(plc.controller_for(kept.target).ranges, kept.input)
+    degrees = has_ends(plc.controller_for(origin.target).ranges, origin.input)
     if degrees:
-        kept = replace(kept, range_degC=options_of(SensorSettings)["range_degC"].default)
-    if target == kept.target:
-        return kept, []
-    has = kept.input in plc.controller_for(target).ranges
+        origin = replace(origin, range_degC=options_of(SensorSettings)["range_degC"].default)
+    if target == origin.target:
+        return origin, []
+    has = origin.input in plc.controller_for(target).ranges
     if degrees and not has and not sensor:
-        raise InputError(f"{where} is for --input {kept.input} of {kept.target}, which {target} has not: say a --range")
+        raise InputError(
+            f"{where} is for --input {origin.input} of {origin.target}, which {target} has not: say a --range")
     theirs = replace(
-        kept, target=target, input=kept.input if has else None, words_by="auto", refined=False, power_most_pct=None,
-        setpoint_ramp=None, boost=None, conditions=replace(kept.conditions, switches={}))
-    left = [part for part in _parts(kept) if part not in _parts(theirs)]
-    return theirs, [f"Of {where} not taken, as it is of {kept.target}: {', '.join(left)}."] if left else []
+        origin, target=target, input=origin.input if has else None, words_by="auto", refined=False, power_most_pct=None,
+        setpoint_ramp=None, boost=None, conditions=replace(origin.conditions, switches={}))
+    left = [part for part in _parts(origin) if part not in _parts(theirs)]
+    return theirs, [f"Of {where} not taken, as it is of {origin.target}: {', '.join(left)}."] if left else []
 
 
-def _merged(kept: Conditions, own: Mapping[str, Any]) -> Conditions:
+def _merged(stored_conditions: Conditions, own: Mapping[str, Any]) -> Conditions:
     """Return conditions with the user's own: a specification in the place of the whole, limits and settings by name."""
     if "spec" in own:
-        kept = replace(kept, limit=(), tolerance_degC=None, step_power_pct=None)
+        stored_conditions = replace(stored_conditions, limit=(), tolerance_degC=None, step_power_pct=None)
     limits = own.get("limit", ())
     named = {_name(limit) for limit in limits}
-    others = tuple(limit for limit in kept.limit if _name(limit) not in named)
-    return replace(kept, **{
-        **own, "limit": (*others, *limits), "switches": {**kept.switches, **own.get("switches", {})},
-        "accept": tuple(dict.fromkeys((*kept.accept, *own.get("accept", ()))))})
+    others = tuple(limit for limit in stored_conditions.limit if _name(limit) not in named)
+    return replace(stored_conditions, **{
+        **own, "limit": (*others, *limits), "switches": {**stored_conditions.switches, **own.get("switches", {})},
+        "accept": tuple(dict.fromkeys((*stored_conditions.accept, *own.get("accept", ()))))})
 
 
 def _name(limit: str) -> str:
     return limit.partition("=")[0].strip()
 
 
-def _told(kept: DesignProvenance, recipe: DesignProvenance, where: str) -> Iterator[str]:
+def _told(origin: DesignProvenance, recipe: DesignProvenance, where: str) -> Iterator[str]:
     """Return what is taken from the file, and what of it is not."""
-    said, heard = list(_parts(kept)), list(_parts(recipe))
+    said, heard = list(_parts(origin)), list(_parts(recipe))
     if taken := [part for part in heard if part in said]:
         yield f"As {where} has it: {', '.join(taken)}."
     if left := [part for part in said if part not in heard]:
@@ -288,14 +289,14 @@ def _parts(recipe: DesignProvenance) -> Iterator[str]:
         yield f"a boost to {recipe.boost.within_degC:.3g} °C from the setpoint"
 
 
-def _flags(one: Option, value: Any) -> Iterator[str]:
+def _flags(option: Option, value: Any) -> Iterator[str]:
     """Return an option as the command line would have it, as often as it would."""
     if isinstance(value, Mapping):
-        yield from (f"{one.flag} {name}={setting}" for name, setting in value.items())
-    elif one.kind is tuple:
-        yield from (f"{one.flag} {item}" for item in value)
-    elif one.kind is bool:
-        yield one.flag
+        yield from (f"{option.flag} {name}={setting}" for name, setting in value.items())
+    elif option.kind is tuple:
+        yield from (f"{option.flag} {item}" for item in value)
+    elif option.kind is bool:
+        yield option.flag
     else:
         values = value if isinstance(value, tuple) else (value,)
-        yield " ".join([one.flag, *(f"{item:.6g}" if isinstance(item, float) else str(item) for item in values)])
+        yield " ".join([option.flag, *(f"{item:.6g}" if isinstance(item, float) else str(item) for item in values)])

@@ -17,8 +17,8 @@ from heatertune.settings import Conditions, TuneSettings, WordSettings
 from heatertune.writing import write_files
 
 if TYPE_CHECKING:
-    from heatertune.model.values import FittedModel
-    from heatertune.pid.values import PidDesign
+    from heatertune.model.model_values import FittedModel
+    from heatertune.pid.design_values import PidDesign
     from heatertune.proof.redesign import DesignResult
 
 __all__ = ["PARETO_EXAMPLE", "TUNE_EXAMPLE", "add_pareto", "add_tune"]
@@ -108,8 +108,8 @@ def add_tune(commands: Any) -> None:
 
 def _run_tune(settings: argparse.Namespace) -> int:
     from heatertune.pid.alternatives import alternatives
-    from heatertune.pid.document import to_document
-    from heatertune.pid.values import other_forms
+    from heatertune.pid.design_document import to_document
+    from heatertune.pid.design_values import other_forms
     from heatertune.plc.design import loop_fit
     from heatertune.proof.verdict import verdict_line
 

@@ -52,14 +52,14 @@ def runs_compiled_as(twin: Callable[..., Any]) -> Callable[[_Plain], _Plain]:
 
 
 @remember
-def bound(function: _Plain, **given: Callable[..., Any]) -> _Plain:
+def bound(function: _Plain, **compiled_function: Callable[..., Any]) -> _Plain:
     """Return a copy of a plain function in which some names of its module mean other functions.
 
     So a loop takes a controller's functions: only what calls functions by global names can be kept on disk.
     """
     assert isinstance(function, FunctionType)
-    copy = copy_function(function, given)
-    names = " ".join(f"{name}={other.__module__}.{other.__qualname__}" for name, other in given.items())
+    copy = copy_function(function, compiled_function)
+    names = " ".join(f"{name}={other.__module__}.{other.__qualname__}" for name, other in compiled_function.items())
     digest = hashlib.sha256(names.encode()).hexdigest()[:16]  # a file's name must not grow with what is bound in it
     copy.__qualname__ = f"{function.__qualname__}_{digest}"  # by which it is told what is on disk
     return cast(_Plain, copy)

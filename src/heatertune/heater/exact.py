@@ -146,22 +146,22 @@ def since_step(t: Array, outer: Numbers, inner: Numbers = 0.0) -> tuple[Array, A
     return np.asarray(1.0 - left - passed / outer), np.asarray(passed / outer / inner)
 
 
-def slopes_by_lag(t: Array, lag: Numbers, other: Numbers = 0.0) -> Array:
-    """Return the derivative of `since_step` by one of its lags [1/s], the other being `other`; shapes broadcast.
+def slopes_by_lag(t: Array, lag: Numbers, second_lag_s: Numbers = 0.0) -> Array:
+    """Return the derivative of `since_step` by one of its lags [1/s], the other being `second_lag_s`; shapes broadcast.
 
     It is −1/(lag²·other)·∫₀ᵗ s·e^(−s/lag)·e^(−(t − s)/other) ds; of one lag, −t/lag²·e^(−t/lag).
     """
     own = np.asarray(lag)
-    if not np.any(other):
+    if not np.any(second_lag_s):
         return np.asarray(-t / own**2 * np.exp(-t / own))
-    slow = np.maximum(own, other)
-    z = (1.0 / np.minimum(own, other) - 1.0 / slow) * t  # not negative
-    slower = np.broadcast_to(own >= other, z.shape)
+    slow = np.maximum(own, second_lag_s)
+    z = (1.0 / np.minimum(own, second_lag_s) - 1.0 / slow) * t  # not negative
+    slower = np.broadcast_to(own >= second_lag_s, z.shape)
     with np.errstate(divide="ignore", invalid="ignore"):
         fed = np.where(slower, z + np.expm1(-z), -np.expm1(-z) - z * np.exp(-z)) / z**2
     near = z < _SERIES
     fed[near] = _series(z[near], slower[near])
-    return np.asarray(-(t**2) * np.exp(-t / slow) * fed / (own**2 * other))
+    return np.asarray(-(t**2) * np.exp(-t / slow) * fed / (own**2 * second_lag_s))
 
 
 def _series(z: Array, slower: npt.NDArray[np.bool_]) -> Array:

@@ -246,20 +246,20 @@ class BlockMemory:
                 if before[at] != after[at]:
                     block[at] = after[at]
 
-    def tell(self, intervals: int, scans: int, status: int, seen: tuple[float, float, float, float]) -> None:
+    def tell(self, intervals: int, scans: int, status: int, signals: tuple[float, float, float, float]) -> None:
         """Write what the simulator tells into its own block; see `Told` for the meaning.
 
         Args:
             intervals: that are over.
             scans: that were run.
             status: bits.
-            seen: temperature, power, setpoint, reading.
+            signals: temperature, power, setpoint, reading.
         """
         with self.changed:
             own = self._blocks[OWN]
             kept = [(part, own[part]) for part in (RELEASED, HEARTBEAT, SHOWN)]
-            own[:] = STATUS_BYTES.pack(intervals & 0xFFFFFFFF, scans & 0xFFFFFFFF, 0, 0, status, *seen, STATUS_MARK, 0,
-                                self._interval_s)
+            own[:] = STATUS_BYTES.pack(
+                intervals & 0xFFFFFFFF, scans & 0xFFFFFFFF, 0, 0, status, *signals, STATUS_MARK, 0, self._interval_s)
             for part, content in kept:
                 own[part] = content
 
@@ -365,7 +365,7 @@ def registers(wanted: Mapping[str, tuple[int, str]], *, turned: bool = False) ->
         turned: whether a REAL has its low word first.
     """
     found, runs, byte = dict[str, CellAddress](), list[RegisterRange](), 0
-    for name, (register, format_) in sorted(wanted.items(), key=lambda each: each[1][0]):
+    for name, (register, format_) in sorted(wanted.items(), key=lambda entry: entry[1][0]):
         found[name] = place = CellAddress(byte, format_, turned=turned and format_ == "REAL")
         size = (place.part.stop - byte) // 2
         if runs and runs[-1].first + runs[-1].size == register:

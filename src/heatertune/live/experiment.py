@@ -27,7 +27,7 @@ from heatertune.live.recorder import RecordingSetup, RecordingState, record
 from heatertune.live.schedule import RATE_ROWS, AbortLimits, Aims, RelaySchedule, Steps
 from heatertune.live.simulator_status import GUARDED, OWN, OWN_CELLS, RUNS
 from heatertune.live.write.plc_block import block_image
-from heatertune.model.values import FittedModel, HeaterModel
+from heatertune.model.model_values import FittedModel, HeaterModel
 from heatertune.plc import Words, controller_for
 from heatertune.plc.keyed_entry import value_texts
 
@@ -316,9 +316,9 @@ class _Hand:
                 self.end("link", str(problem))
         self._watching.on_row(so_far, "" if self._power is None else f"{self._power:g} % in manual")
 
-    def end(self, why: str, told: str) -> None:
+    def end(self, why: str, message: str) -> None:
         """End it; `why` as in `Ended`."""
-        self.ended = ExperimentResult(reason=why, message=told)
+        self.ended = ExperimentResult(reason=why, message=message)
 
     def _act(self, so_far: RecordingState) -> None:
         now_s = self._whole.hold.clock.now_s()

@@ -28,9 +28,9 @@ from heatertune.live.write.proven_words import ProvenWords
 from heatertune.plc import Words
 from heatertune.plc.keyed_entry import value_texts
 from heatertune.proof.heaters import labelled_heaters
-from heatertune.supervision.document import SupervisionView
 from heatertune.supervision.faulty_loops import whole_pct
 from heatertune.supervision.monitor import ALARMS, Numbers, cold, in_a_row, restart, scan, unseen
+from heatertune.supervision.monitor_document import SupervisionView
 from heatertune.units import count
 
 __all__ = ["Alarm", "BandWatch", "OnlineMonitor", "WatchStats", "others_there"]
@@ -288,10 +288,10 @@ class BandWatch:
             self._shown, self._changed_s = look.signals, look.time_s
         self.seen.still_s, self.seen.seconds = look.time_s - self._changed_s, look.time_s - self._first_s
 
-    def _is_usable(self, look: Snapshot, degC: float, asked: float) -> bool:
+    def _is_usable(self, look: Snapshot, degC: float, setpoint_degC: float) -> bool:
         """Return whether a look can be held against the band; take note of one that cannot."""
         problem = reading_problem(degC, self._sensor_degC)
-        problem = problem or ("" if math.isfinite(asked) else "the setpoint is not a number")
+        problem = problem or ("" if math.isfinite(setpoint_degC) else "the setpoint is not a number")
         problem = problem or ("" if math.isfinite(look.signals.get("power", 0.0)) else "the power is not a number")
         self._unusable_row = self._unusable_row + 1 if problem else 0
         if problem:

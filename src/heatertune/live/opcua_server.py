@@ -155,7 +155,7 @@ def _number(name: str, block: int, start: int, code: str, *, written: bool) -> N
             raise ua.uaerrors.BadOutOfRange from None
 
     return NodeVariable(name=name, block=block, part=slice(start, start + form.size), type=_TYPES[code[1:]],
-                of=lambda found: form.unpack(found)[0], to=to if written else None)
+                of=lambda match: form.unpack(match)[0], to=to if written else None)
 
 
 def _quantity(name: str, block: int, signal: BlockSignal, unit: str, *, written: bool) -> NodeVariable:
@@ -169,7 +169,7 @@ def _quantity(name: str, block: int, signal: BlockSignal, unit: str, *, written:
 
     part = slice(signal.start, signal.start + signal.size)
     return NodeVariable(name=name, block=block, part=part, type=ua.VariantType.Double, unit=unit, span=signal.shown,
-                of=lambda found: signal.of(found, signal.start), to=to if written else None)
+                of=lambda match: signal.of(match, signal.start), to=to if written else None)
 
 
 _URI: Final = "urn:heatertune:virtual-plc"

@@ -26,7 +26,7 @@ from heatertune.errors import InputError, UnknownName
 from heatertune.live.block_memory import BlockMemory, RegisterRange
 from heatertune.live.controller_block import ServedBlock
 from heatertune.live.simulator_status import DEAD_MAN, FAULTY, GUARDED, RUNS
-from heatertune.model.values import FittedModel
+from heatertune.model.model_values import FittedModel
 from heatertune.plc import Words, controller_for
 from heatertune.plc.core import StepFunctions
 from heatertune.plc.pwm import Actuator

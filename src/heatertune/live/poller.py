@@ -19,7 +19,7 @@ from heatertune.live.block_memory import BlockSignal
 from heatertune.live.client.connection import Address, Client, ClosesOnExit, SignOfLife, connect, told_by
 from heatertune.live.controller_block import Places
 from heatertune.live.simulator_status import OWN, OWN_CELLS
-from heatertune.model.values import HeaterModel
+from heatertune.model.model_values import HeaterModel
 
 __all__ = ["Poller", "Snapshot", "StillSensor", "reading_problem"]
 
@@ -249,7 +249,7 @@ class Poller(ClosesOnExit):
         self.tells_new = self._life.stamp is not None
         return self._life.runs is not False and self._life.is_new(last) is not False
 
-    def _looked(self, scans: int, turn: int, seen: Mapping[str, float], first_s: float) -> Snapshot:
+    def _looked(self, scans: int, turn: int, values: Mapping[str, float], first_s: float) -> Snapshot:
         assert self.interval_s is not None
         last, self._count = self._count, scans
         before, self._counted_at = self._counted_at, time.monotonic()
@@ -261,7 +261,7 @@ class Poller(ClosesOnExit):
             self._time_s = first_s
         else:
             self._time_s += self.interval_s * (1 if restarted else passed)
-        return Snapshot(self._time_s, seen, restarted)
+        return Snapshot(self._time_s, values, restarted)
 
     def again(self) -> None:
         """Connect anew.

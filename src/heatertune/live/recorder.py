@@ -423,7 +423,7 @@ def record_all(
     def one(loop: RecordedLoop) -> None:
         try:
             told = record(loop.address, folder / loop.file, loop.places, settings, ended=enough,
-                          shown=lambda told: so_far.__setitem__(loop.file, told))
+                          shown=lambda state: so_far.__setitem__(loop.file, state))
             if not told.rows:
                 wrong[loop.file] = f"{loop.address.text}: nothing was recorded{_because(told)}"
         except HeatertuneError as problem:
@@ -439,8 +439,8 @@ def record_all(
     return wrong
 
 
-def _because(told: RecordingState) -> str:
-    return f": {told.trouble}" if told.trouble else ""
+def _because(state: RecordingState) -> str:
+    return f": {state.trouble}" if state.trouble else ""
 
 
 def is_address(text: str) -> bool:
@@ -505,6 +505,6 @@ def _file_of(name: str, taken: Mapping[str, object]) -> str:
     return file
 
 
-def _places(loop: LoopEntry, beside: Path) -> Places | None:
-    return places_given(design=None if loop.folder is None else beside / loop.folder,
-                        map_file=None if loop.map is None else beside / loop.map)
+def _places(loop: LoopEntry, folder: Path) -> Places | None:
+    return places_given(design=None if loop.folder is None else folder / loop.folder,
+                        map_file=None if loop.map is None else folder / loop.map)

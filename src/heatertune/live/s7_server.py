@@ -117,7 +117,7 @@ class S7Server(Server):  # type: ignore[misc]
         return None if bits or parameters.get("item_count", 1) != 1 else super()._parse_write_address(request)
 
 
-def _shut(one: socket.socket) -> None:
+def _shut(connection: socket.socket) -> None:
     with suppress(OSError):  # it has gone already
-        one.shutdown(socket.SHUT_RDWR)
+        connection.shutdown(socket.SHUT_RDWR)
 

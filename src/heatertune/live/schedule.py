@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from heatertune.errors import InputError
-from heatertune.model.values import FittedModel
+from heatertune.model.model_values import FittedModel
 from heatertune.units import check
 from heatertune.writing import read_text
 

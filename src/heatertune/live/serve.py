@@ -18,8 +18,8 @@ from heatertune.live.client.connection import LIBRARIES, ClosesOnExit, demand_li
 from heatertune.live.controller_block import SERVED, ServedBlock, block_for
 from heatertune.live.plc import LINK, Pace, ScheduledFault, VirtualPlant, VirtualPlc, fault_of, plan_for
 from heatertune.live.simulator_status import OWN, SimulatorStatus
-from heatertune.model.values import FittedModel
-from heatertune.pid.document import read_design
+from heatertune.model.model_values import FittedModel
+from heatertune.pid.design_document import read_design
 from heatertune.plc import Words, controller_for
 from heatertune.proof.words_file import words_in
 from heatertune.settings import Conditions

@@ -246,13 +246,13 @@ def _keep(cells: bytearray, state: Ob251State) -> None:
         cells[place : place + 2] = content
 
 
-def _found(cells: bytearray, state: Ob251State, kept: bytes) -> Ob251State:
+def _found(cells: bytearray, state: Ob251State, content: bytes) -> Ob251State:
     """Return the state as the cells have it, where somebody has written to them since; inputs are none of it."""
     now = bytearray(cells[_BEGIN:])
     for place in (_X, _Z, _XZ):
         at = place - _BEGIN
-        now[at : at + 2] = kept[at : at + 2]
-    if now == kept:
+        now[at : at + 2] = content[at : at + 2]
+    if now == content:
         return state
     error, change, side, calls, other_change, other, disturbance, derivative, total, output = _STATE.unpack(now)
     return Ob251State(
@@ -261,14 +261,14 @@ def _found(cells: bytearray, state: Ob251State, kept: bytes) -> Ob251State:
         total=_real(total), output=output, at_limit=(side > 0) - (side < 0), approach=min(max(calls, 0), _CALLS))
 
 
-def _difference(found: int) -> float:
+def _difference(value: int) -> float:
     """Return an error or its change that calls could have left, 0 for another."""
-    return float(found) if abs(found) <= _MOST_DIFFERENCE else 0.0
+    return float(value) if abs(value) <= _MOST_DIFFERENCE else 0.0
 
 
-def _real(found: float) -> float:
+def _real(value: float) -> float:
     """Return a number that a call could have left, 0 for a pattern of bits that is none."""
-    return found if math.isfinite(found) and abs(found) <= _MOST else 0.0
+    return value if math.isfinite(value) and abs(value) <= _MOST else 0.0
 
 
 _ANALOG: Final = cell("AIW0", 2).start

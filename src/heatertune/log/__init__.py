@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 from heatertune.lazy import lazy_attributes
 
 if TYPE_CHECKING:
+    from heatertune.log.log_values import Log
     from heatertune.log.read import read_log
-    from heatertune.log.values import Log
 
 __all__ = ["Log", "read_log"]
 
-__getattr__, __dir__ = lazy_attributes(__name__, {"log.values": ("Log",), "log.read": ("read_log",)})
+__getattr__, __dir__ = lazy_attributes(__name__, {"log.log_values": ("Log",), "log.read": ("read_log",)})

@@ -16,10 +16,10 @@ import numpy.typing as npt
 from heatertune.arrays import Array
 from heatertune.errors import LogError
 from heatertune.log.columns import Columns, cell_error
+from heatertune.log.log_values import MIN_SAMPLES
 from heatertune.log.quantities import is_number, is_switch_word
 from heatertune.log.sheet import Sheet
 from heatertune.log.side_columns import quoted
-from heatertune.log.values import MIN_SAMPLES
 from heatertune.units import count
 
 __all__ = [
@@ -138,17 +138,18 @@ def _otherwise(sheet: Sheet, columns: Columns, dropped: Rows, firsts: Rows) -> l
 
 
 def _demand_one_heater(
-    sheet: Sheet, columns: Columns, dropped: Rows, firsts: Rows, other: Sequence[int]
+    sheet: Sheet, columns: Columns, dropped: Rows, firsts: Rows, second_columns: Sequence[int]
 ) -> None:
     for i, name in enumerate(sheet.names()):
         if i not in columns.index.values() and (tags := _tags(sheet, i, dropped, firsts)):
+            some = f"{', '.join(tags[:_SHOWN])}{', …' if len(tags) > _SHOWN else ''}"
             raise LogError(
-                f"line {sheet.line_name(other[0])} is of the same instant as the row before, with another reading; "
-                f"column {name!r} tells them apart ({', '.join(tags[:_SHOWN])}{', …' if len(tags) > _SHOWN else ''})",
+                f"line {sheet.line_name(second_columns[0])} is of the same instant as the row before, with another "
+                f"reading; column {name!r} tells them apart ({some})",
                 file=sheet.file, expected=f"--tag {quoted(tags[0])} --tag-column {quoted(name)} to read one of them")
-    if len(other) > _MOST_LOST * len(sheet):
-        problem = f"{len(other)} rows of {len(sheet)} share an instant with another reading, the first:"
-        raise cell_error(sheet, columns, "time", other[0], problem,
+    if len(second_columns) > _MOST_LOST * len(sheet):
+        problem = f"{len(second_columns)} rows of {len(sheet)} share an instant with another reading, the first:"
+        raise cell_error(sheet, columns, "time", second_columns[0], problem,
                       "a finer clock, or --log-interval with the seconds between two rows")
 
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from heatertune.arrays import Array
 from heatertune.errors import LogError
+from heatertune.log.log_values import EXPLICIT, LogSignal
 from heatertune.log.quantities import (
     ROLES,
     STAMPS,
@@ -45,7 +46,6 @@ from heatertune.log.side_columns import (
     is_cooling,
     is_fan,
 )
-from heatertune.log.values import EXPLICIT, LogSignal
 
 __all__ = [
     "CLOCK_UNITS", "NO_COLUMN", "TIME_UNITS", "Columns", "cell_error", "choose_column",

@@ -11,9 +11,9 @@ import numpy.typing as npt
 from heatertune.arrays import Array
 from heatertune.errors import LogError
 from heatertune.log.columns import Columns, cell_error, numbers
+from heatertune.log.log_values import EXPLICIT, LogSignal
 from heatertune.log.quantities import is_scaled, on_or_off
 from heatertune.log.sheet import Sheet
-from heatertune.log.values import EXPLICIT, LogSignal
 from heatertune.units import count
 
 __all__ = ["power_of"]
@@ -80,7 +80,7 @@ _FULL_SCALES: Final = (255, 1000, 1023, 4095, 10000, 27648, 32767, 65535)
 
 
 def power_of(
-    sheet: Sheet, columns: Columns, given: float | None, repairs: list[str], doubts: list[str], *,
+    sheet: Sheet, columns: Columns, value: float | None, repairs: list[str], doubts: list[str], *,
     levels: tuple[float, float] | None = None,
 ) -> LogSignal | None:
     """Return the power [%], below 0 that of a cooler; its unit is the reading at full power. None: it was not logged.
@@ -88,7 +88,7 @@ def power_of(
     Args:
         sheet: the cells.
         columns: which column is what.
-        given: reading at full power, if stated by the user.
+        value: reading at full power, if stated by the user.
         repairs: list to which assumptions are added.
         doubts: list to which uncertain assumptions are added.
         levels: readings without power and at full power, if stated by the user.
@@ -112,7 +112,7 @@ def power_of(
         named = None  # a column of that name that was converted
     if named == "100" and "power" not in columns.units and 0.0 < highest <= 1.0:
         named = None  # a column named in percent that holds shares, as a spreadsheet exports it
-    full_scale = given or (float(named) if named else _assumed(sheet, columns, values, repairs, doubts))
+    full_scale = value or (float(named) if named else _assumed(sheet, columns, values, repairs, doubts))
     if full_scale != 100.0:
         repairs.append(f"The power was divided by its reading at full power, {full_scale:g}.")
     values = _two_way(sheet, columns, values, full_scale, repairs)
@@ -121,10 +121,10 @@ def power_of(
     shown = f"{-full_scale if two_way else 0:g}…{full_scale:g}{sign}"
     percent = values if full_scale == 100.0 else values / full_scale * 100.0
     if two_way:
-        evidence = EXPLICIT if given or _is_two_way(columns.names["power"]) else ""
+        evidence = EXPLICIT if value or _is_two_way(columns.names["power"]) else ""
         shown += ", it cools below 0" + (
             "" if evidence else f" (off at {-full_scale:g}: --power-levels {-full_scale:g} {full_scale:g})")
-    elif not (given or named):
+    elif not (value or named):
         evidence = _evidence(columns.names["power"], values, full_scale)
     likely = "255" if _PWM.search(columns.names["power"]) else "100"
     return LogSignal(percent, repr(full_scale), shown, evidence, likely)

@@ -39,13 +39,7 @@ from heatertune.log.columns import (
     with_dates,
     with_names,
 )
-from heatertune.log.on_change import Mask, at_edges, on_change, spread, without_blank_power
-from heatertune.log.power_range import power_of
-from heatertune.log.quantities import ROLES, is_scaled, on_or_off, says_nothing
-from heatertune.log.sheet import Sheet
-from heatertune.log.side_columns import SIDE_ROLES, is_cooling, moving_heaters, quoted
-from heatertune.log.tags import TagSelection, TagTable, by_tags, with_power_rows
-from heatertune.log.values import (
+from heatertune.log.log_values import (
     ABSOLUTE_ZERO_DEGC,
     BUILT_IN,
     ON_CHANGE,
@@ -58,6 +52,12 @@ from heatertune.log.values import (
     ReadSummary,
     built_in,
 )
+from heatertune.log.on_change import Mask, at_edges, on_change, spread, without_blank_power
+from heatertune.log.power_range import power_of
+from heatertune.log.quantities import ROLES, is_scaled, on_or_off, says_nothing
+from heatertune.log.sheet import Sheet
+from heatertune.log.side_columns import SIDE_ROLES, is_cooling, moving_heaters, quoted
+from heatertune.log.tags import TagSelection, TagTable, by_tags, with_power_rows
 from heatertune.options import merge_options, with_options
 from heatertune.settings import ReadSettings
 from heatertune.units import count, degF_to_degC, kelvin_to_degC
@@ -128,11 +128,11 @@ def taken_of(
     )
 
 
-def stated_units(asked: ReadSettings) -> frozenset[str]:
+def stated_units(settings: ReadSettings) -> frozenset[str]:
     """Return the roles whose unit the user states."""
-    stated = {role for role, option in UNIT_OPTIONS.items() if getattr(asked, option) is not None}
-    stated |= {"power"} if asked.power_levels is not None else set()
-    return frozenset(stated | ({"time"} if asked.sample_time_s is not None else set()))
+    stated = {role for role, option in UNIT_OPTIONS.items() if getattr(settings, option) is not None}
+    stated |= {"power"} if settings.power_levels is not None else set()
+    return frozenset(stated | ({"time"} if settings.sample_time_s is not None else set()))
 
 
 def _assumed(signals: Mapping[str, LogSignal]) -> dict[str, str]:
@@ -390,24 +390,24 @@ def _csv(frame: DataFrame) -> bytes:
 
 
 def _opened(
-    source: Path, table: BuiltIn | None, content: bytes | None, asked: ReadSettings
+    source: Path, table: BuiltIn | None, content: bytes | None, settings: ReadSettings
 ) -> tuple[Sheet, list[str]]:
     """Return the cells of a file with plain numbers, and the doubts about a built-in table."""
-    sheet = with_names(read_sheet(table.path if table else source, content, asked.skip_rows, asked.tag,
-                                  asked.decimal_comma))
+    sheet = with_names(read_sheet(table.path if table else source, content, settings.skip_rows, settings.tag,
+                                  settings.decimal_comma))
     if not len(sheet):
         raise LogError("the file holds a header and no readings", file=sheet.file, expected="at least 20 rows")
     doubts = list(table.doubts if table else ())
     if table:
-        sheet = _errata(table, sheet, asked.errata, doubts)
+        sheet = _errata(table, sheet, settings.errata, doubts)
     return plain_cells(sheet), doubts
 
 
-def _with_power_log(sheet: Sheet, asked: ReadSettings) -> tuple[Sheet, ReadSettings]:
+def _with_power_log(sheet: Sheet, settings: ReadSettings) -> tuple[Sheet, ReadSettings]:
     """Return the cells with those of the power's own file, if it has one, and how to read them."""
-    if asked.power_log is None:
-        return sheet, asked
-    return with_power_rows(sheet, _opened(Path(asked.power_log), None, None, ReadSettings())[0], asked)
+    if settings.power_log is None:
+        return sheet, settings
+    return with_power_rows(sheet, _opened(Path(settings.power_log), None, None, ReadSettings())[0], settings)
 
 
 def _log(
@@ -504,12 +504,12 @@ def _likely(first: float, *, scaled: bool) -> str:
     return next((unit for unit in units if _ROOM_DEGC[0] <= _TO_DEGC[unit](first) <= _ROOM_DEGC[1]), units[0])
 
 
-def _in_degC(sheet: Sheet, columns: Columns, role: str, unit: str, raw: Array, kept: Mask) -> Array:
+def _in_degC(sheet: Sheet, columns: Columns, role: str, unit: str, raw: Array, mask: Mask) -> Array:
     values = np.asarray(_TO_DEGC[unit](raw))
     least, most = _POSSIBLE_DEGC
     for outside, problem in ((values < ABSOLUTE_ZERO_DEGC, "below absolute zero:"),
                              ((values < least) | (values > most), "a temperature that no heater reaches:")):
-        rows = np.flatnonzero(kept & outside)
+        rows = np.flatnonzero(mask & outside)
         if len(rows):
             other = "--setpoint-column none" if role == "setpoint" else "--temperature-unit"
             expected = f"{least:g}…{most:g} °C, here in {unit} (else: {other})"

@@ -198,25 +198,26 @@ class TagTable:
         return bool(self.wanted)
 
 
-def by_tags(sheet: Sheet, asked: TagSelection, time_unit: str | None) -> TagTable:
+def by_tags(sheet: Sheet, selection: TagSelection, time_unit: str | None) -> TagTable:
     """Return the rows of one heater.
 
     Raises:
         LogError: tags or flags that are ambiguous or do not exist.
     """
     sheet = _with_long_header(sheet)
-    quality, options = _quality_place(sheet, asked), {}
+    quality, options = _quality_place(sheet, selection), {}
     good = np.ones(len(sheet), dtype=np.bool_) if quality is None else good_rows(sheet, quality)
     if quality is not None:
         options["quality_column"] = _name(sheet, quality)
-    elif asked.quality is not None:
+    elif selection.quality is not None:
         options["quality_column"] = NO_COLUMN
-    tag, value = places(sheet, asked)
+    tag, value = places(sheet, selection)
     if tag is not None and value is not None:
-        return _pivoted(sheet, asked, tag, value, good, time_unit, options)
-    _demand_long(sheet, asked)
-    if asked.temperature is not None:
-        sheet, good, tag_options = _one_tag(sheet, asked.temperature, None if asked.column is None else tag, good)
+        return _pivoted(sheet, selection, tag, value, good, time_unit, options)
+    _demand_long(sheet, selection)
+    if selection.temperature is not None:
+        own_tag = None if selection.column is None else tag
+        sheet, good, tag_options = _one_tag(sheet, selection.temperature, own_tag, good)
         options |= tag_options
     if not np.all(good):
         sheet = _without_bad(sheet, good)
@@ -245,38 +246,38 @@ _LEAST_COLUMNS: Final = 3
 _SAMPLE_ROWS: Final = 50
 
 
-def _demand_long(sheet: Sheet, asked: TagSelection) -> None:
+def _demand_long(sheet: Sheet, selection: TagSelection) -> None:
     """Refuse options for a long table that would have no effect."""
-    unheard = [_OPTIONS[role] for role in _ROLES[1:] if getattr(asked, role) is not None]
-    if asked.column is not None and asked.temperature is None:
+    unheard = [_OPTIONS[role] for role in _ROLES[1:] if getattr(selection, role) is not None]
+    if selection.column is not None and selection.temperature is None:
         unheard.append("--tag-column without --tag")
     if unheard:
         raise LogError(f"no long table (tag, time, value), so {unheard[0]} means nothing", file=sheet.file,
                        expected="--temperature-column with its column of values, or no such option")
 
 
-def _quality_place(sheet: Sheet, asked: TagSelection) -> int | None:
-    if asked.quality == NO_COLUMN:
+def _quality_place(sheet: Sheet, selection: TagSelection) -> int | None:
+    if selection.quality == NO_COLUMN:
         return None
-    if asked.quality is not None:
-        return choose_column(sheet, "quality", asked.quality)
+    if selection.quality is not None:
+        return choose_column(sheet, "quality", selection.quality)
     return next((i for i, name in enumerate(sheet.header) if is_quality(name)), None)
 
 
-def places(sheet: Sheet, asked: TagSelection) -> tuple[int | None, int | None]:
+def places(sheet: Sheet, selection: TagSelection) -> tuple[int | None, int | None]:
     """Return the columns of the tags and, in a long table, of their values."""
     named = [i for i, name in enumerate(sheet.header) if _TAG.fullmatch(plain_name(name))]
-    tag = next((i for i in named if _repeats(sheet, i)), None) if asked.column is None else (
-        choose_column(sheet, "tag", asked.column))
+    tag = next((i for i in named if _repeats(sheet, i)), None) if selection.column is None else (
+        choose_column(sheet, "tag", selection.column))
     values = [i for i, name in enumerate(sheet.header) if i != tag and _VALUE.fullmatch(plain_name(name))]
     others = [name for i, name in enumerate(sheet.header) if i not in (tag, *values)]
     is_wide = {"temperature", "power"} & set(map(role_of, others))
-    if asked.value is not None and (asked.power is not None or asked.setpoint is not None):
-        return tag, choose_column(sheet, "temperature", asked.value)
-    if is_wide or not values or (asked.value is not None and choose_column(sheet, "temperature",
-                                                                           asked.value) not in values):
+    if selection.value is not None and (selection.power is not None or selection.setpoint is not None):
+        return tag, choose_column(sheet, "temperature", selection.value)
+    if is_wide or not values or (selection.value is not None and choose_column(sheet, "temperature",
+                                                                           selection.value) not in values):
         return tag, None
-    return tag, values[0] if asked.value is None else choose_column(sheet, "temperature", asked.value)
+    return tag, values[0] if selection.value is None else choose_column(sheet, "temperature", selection.value)
 
 
 def _repeats(sheet: Sheet, i: int) -> bool:
@@ -316,14 +317,14 @@ def _bad(sheet: Sheet, bad: npt.NDArray[np.bool_]) -> str:
 
 
 def _pivoted(
-    sheet: Sheet, asked: TagSelection, tag: int, value: int, good: npt.NDArray[np.bool_], time_unit: str | None,
+    sheet: Sheet, selection: TagSelection, tag: int, value: int, good: npt.NDArray[np.bool_], time_unit: str | None,
     options: Mapping[str, str],
 ) -> TagTable:
     """Return the long table with a row for each reading of the temperature."""
     of_tag, values = sheet.columns[tag], sheet.columns[value]
     tags = list(dict.fromkeys(of_tag))
-    roles = _roles(sheet, tags, tag, asked)
-    sheet, clock, time = _time(sheet, asked, time_unit)
+    roles = _roles(sheet, tags, tag, selection)
+    sheet, clock, time = _time(sheet, selection, time_unit)
     good = good & ~values.where(says_nothing)
     bad = of_tag.where(lambda name: name in roles.values()) & ~good
     series = {role: _series(of_tag.where(name.__eq__), good, time) for role, name in roles.items()}
@@ -437,16 +438,16 @@ def _with_unit(sheet: Sheet, tag: int, name: str, unit: str) -> str:
     return f"{plain} [{unit}]" if unit else plain
 
 
-def _roles(sheet: Sheet, tags: Sequence[str], tag: int, asked: TagSelection) -> dict[str, str]:
+def _roles(sheet: Sheet, tags: Sequence[str], tag: int, selection: TagSelection) -> dict[str, str]:
     """Return role → tag: as requested, otherwise if the names are unambiguous."""
     listed = f"{', '.join(tags[:_SHOWN])}{', …' if len(tags) > _SHOWN else ''}"
-    wanted = {role: getattr(asked, role) for role in _ROLES}
+    wanted = {role: getattr(selection, role) for role in _ROLES}
     for role, name in wanted.items():
         if name is not None and name not in tags and (name != NO_COLUMN or role == "temperature"):
             raise LogError(f"column {_name(sheet, tag)!r} holds no tag", file=sheet.file, value=name,
                            expected=f"{_OPTIONS[role]}, one of {listed}")
     free = [name for name in tags if name not in wanted.values()]
-    in_degrees = _tags_in_degrees(sheet, tag, asked)
+    in_degrees = _tags_in_degrees(sheet, tag, selection)
     tag_of: dict[str, str] = {}
     for role, name in wanted.items():
         likely = [tag_name for tag_name in free if _role_of_tag(tag_name) == role]
@@ -461,7 +462,7 @@ def _roles(sheet: Sheet, tags: Sequence[str], tag: int, asked: TagSelection) -> 
             raise LogError(several, file=sheet.file, column=_name(sheet, tag),
                            expected=f"{_OPTIONS[role]} NAME" + ("" if role == "temperature" else " or none"))
         if name is None and not likely and role == "power":
-            _demand_no_likely_power(sheet, [each for each in free if each not in tag_of.values()], tag, asked)
+            _demand_no_likely_power(sheet, [each for each in free if each not in tag_of.values()], tag, selection)
         if name is None and likely:
             tag_of[role] = likely[0]
         elif name not in (None, NO_COLUMN):
@@ -509,14 +510,14 @@ def _role_of_tag(name: str) -> str | None:
     return "power" if role in (None, "time") and before[:1] == ["switch"] else role
 
 
-def _time(sheet: Sheet, asked: TagSelection, unit: str | None) -> tuple[Sheet, tuple[int, ...], Array]:
+def _time(sheet: Sheet, selection: TagSelection, unit: str | None) -> tuple[Sheet, tuple[int, ...], Array]:
     """Return the sheet with whole instants, the columns of time and of a separate date, and the time of each row [s].
 
     A WinCC panel writes two times; the one with the finer resolution is used.
     """
     names = tuple(plain_name(name).lower() for name in sheet.header)
-    if asked.time is not None:
-        place = choose_column(sheet, "time", asked.time)
+    if selection.time is not None:
+        place = choose_column(sheet, "time", selection.time)
     else:
         clocks = [i for i, name in enumerate(sheet.header) if role_of(name) == "time"]
         if not clocks:
@@ -525,7 +526,7 @@ def _time(sheet: Sheet, asked: TagSelection, unit: str | None) -> tuple[Sheet, t
     if names == _WINCC and names[place] == "timestring":
         sheet = _refined(sheet, place)
     columns = Columns(index={"time": place}, names={"time": _name(sheet, place)})
-    sheet, columns = with_dates(sheet, columns, asked.date)
+    sheet, columns = with_dates(sheet, columns, selection.date)
     return sheet, tuple(columns.index.values()), seconds(sheet, columns, unit, None, []).values
 
 
@@ -545,31 +546,32 @@ _REPEATS: Final = 0.02  # of the rows of a power's file may repeat the one befor
 _NEAR: Final = 1.0  # length of the log by which the power may end before it
 
 
-def with_power_rows(sheet: Sheet, powers: Sheet, asked: ReadSettings) -> tuple[Sheet, ReadSettings]:
+def with_power_rows(sheet: Sheet, powers: Sheet, settings: ReadSettings) -> tuple[Sheet, ReadSettings]:
     """Return a sheet with the rows of another file's power, blank where a file has no value, and how to read it.
 
     Args:
         sheet: of the temperature.
         powers: a table of the same tags, or of time and power; `power_column` is a column of it.
-        asked: how to read them.
+        settings: how to read them.
 
     Raises:
         LogError: no power in the other file, times that cannot be compared, files without a common time.
     """
     repairs = (*sheet.repairs, f"The power was read from {powers.file}.")
-    tag, value = places(sheet, TagSelection(temperature=asked.tag, power=asked.power_tag, setpoint=asked.setpoint_tag,
-                                            column=asked.tag_column, value=asked.temperature_column))
+    tag, value = places(sheet, TagSelection(
+        temperature=settings.tag, power=settings.power_tag, setpoint=settings.setpoint_tag, column=settings.tag_column,
+        value=settings.temperature_column))
     sheet = replace(sheet, repairs=repairs, other_file=powers.file)
     if sheet.header == powers.header and tag is not None and value is not None:
         both = (CellColumn.of(chain(*cells)) for cells in zip(sheet.columns, powers.columns, strict=True))
-        return replace(sheet, columns=tuple(both), lines=np.concatenate([sheet.lines, -powers.lines])), asked
-    wanted = {"time": asked.time_column, "temperature": asked.temperature_column, "power": NO_COLUMN}
+        return replace(sheet, columns=tuple(both), lines=np.concatenate([sheet.lines, -powers.lines])), settings
+    wanted = {"time": settings.time_column, "temperature": settings.temperature_column, "power": NO_COLUMN}
     sheet, own = with_dates(sheet, find_columns(
-        sheet, {role: column for role, column in wanted.items() if column is not None}), asked.date_column)
-    power = _power_place(powers, asked)
+        sheet, {role: column for role, column in wanted.items() if column is not None}), settings.date_column)
+    power = _power_place(powers, settings)
     powers, other = with_dates(powers, find_columns(
         powers, {"temperature": power + 1, "power": NO_COLUMN, "setpoint": NO_COLUMN}), None)
-    at_s, power_s = _common_s(sheet, own, powers, other, asked.time_unit)
+    at_s, power_s = _common_s(sheet, own, powers, other, settings.time_unit)
     width = len(sheet.columns)
     instants, lines, power_lines = at_s.tolist(), sheet.lines.tolist(), [0] * len(sheet)
     powers_of, times = [""] * len(sheet), list[str]()
@@ -599,13 +601,13 @@ def with_power_rows(sheet: Sheet, powers: Sheet, asked: ReadSettings) -> tuple[S
         columns=tuple(column.taken(order) for column in (*columns, CellColumn.of(powers_of))),
         lines=np.array(lines, dtype=np.int64)[order], power_lines=np.array(power_lines, dtype=np.int64)[order],
         power_every_s=float(np.median(np.diff(power_s))) if sampled else 0.0,
-    ), replace(asked, power_column=str(width + 1), date_column=None)
+    ), replace(settings, power_column=str(width + 1), date_column=None)
 
 
-def _power_place(powers: Sheet, asked: ReadSettings) -> int:
+def _power_place(powers: Sheet, settings: ReadSettings) -> int:
     """Return the column of the power: as stated, by its name, or the only one with numbers beside the time."""
-    if asked.power_column is not None:
-        return choose_column(powers, "power", asked.power_column)
+    if settings.power_column is not None:
+        return choose_column(powers, "power", settings.power_column)
     names = powers.names()
     candidates = [i for i, name in enumerate(powers.header) if role_of(name) == "power"] or [
         i for i, name in enumerate(names) if role_of(name) != "time" and (i > 0 or powers.header)
@@ -617,13 +619,13 @@ def _power_place(powers: Sheet, asked: ReadSettings) -> int:
     return candidates[0]
 
 
-def _common_s(sheet: Sheet, own: Columns, powers: Sheet, other: Columns, unit: str | None) -> tuple[Array, Array]:
+def _common_s(sheet: Sheet, own: Columns, powers: Sheet, columns: Columns, unit: str | None) -> tuple[Array, Array]:
     """Return the instants of both files from the first row of the temperature, shapes (n,) and (m,) [s]."""
-    if "time" not in other.index or "time" not in own.index:
+    if "time" not in columns.index or "time" not in own.index:
         file = sheet if "time" not in own.index else powers
         raise LogError("the file has no time column", file=file.file, expected="a time in both files")
-    first, second = (each.columns[place.index["time"]][0] for each, place in ((sheet, own), (powers, other)))
-    units = own.unit("time"), other.unit("time")
+    first, second = (each.columns[place.index["time"]][0] for each, place in ((sheet, own), (powers, columns)))
+    units = own.unit("time"), columns.unit("time")
     ways = {
         f"as {first!r}": is_number(first) == is_number(second),
         "a time zone in both files or in none": (_ZONE.search(first) is None) == (_ZONE.search(second) is None),
@@ -632,11 +634,11 @@ def _common_s(sheet: Sheet, own: Columns, powers: Sheet, other: Columns, unit: s
     for expected, holds in ways.items():
         if not holds:
             raise LogError("a time that cannot be compared with those of the other file", file=powers.file,
-                           line=int(powers.lines[0]), column=other.names["time"], value=second, expected=expected)
+                           line=int(powers.lines[0]), column=columns.names["time"], value=second, expected=expected)
     both = sheet.picked(np.zeros(2, dtype=np.intp)).with_column(own.index["time"], [first, second])
     begins = np.diff(seconds(both, own, unit, None, []).values)[0]
-    at_s, power_s = (seconds(each, place, unit, None, []).values for each, place in ((sheet, own), (powers, other)))
-    for each, place, time in ((sheet, own, at_s), (powers, other, power_s)):
+    at_s, power_s = (seconds(each, place, unit, None, []).values for each, place in ((sheet, own), (powers, columns)))
+    for each, place, time in ((sheet, own, at_s), (powers, columns, power_s)):
         if len(back := np.flatnonzero(np.diff(time) < 0.0)):
             raise LogError("the time goes backwards", file=each.file, line=int(each.lines[back[0] + 1]),
                            column=place.names["time"], value=each.columns[place.index["time"]][int(back[0]) + 1],

@@ -17,7 +17,7 @@ import numpy as np
 from heatertune import cache
 from heatertune.arrays import Array
 from heatertune.errors import HeatertuneError, InputError
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.loops.loop_values import Cause, LoopEntry, LoopFault
 from heatertune.loops.measures import (
     RegularLog,
@@ -31,11 +31,11 @@ from heatertune.loops.measures import (
 )
 from heatertune.loops.unlogged_loads import LoadFreeLog, LoadStep, without_loads
 from heatertune.model.fit import fit
+from heatertune.model.model_values import FitOutcome, FittedModel, HeaterModel
 from heatertune.model.statistics import Interval
-from heatertune.model.values import FitOutcome, FittedModel, HeaterModel
+from heatertune.pid.design_values import PidDesign
 from heatertune.pid.sampled_loop import SampledPlant, sample_plant
 from heatertune.pid.search.quick import quick_tune
-from heatertune.pid.values import PidDesign
 from heatertune.plc import Words
 from heatertune.proof.heaters import ROOM_DEGC
 from heatertune.proof.redesign import DesignRequest, DesignResult, find_passing_design
@@ -366,22 +366,22 @@ def _longer(loop: LoopEntry, fitted: FittedModel | None, course: RegularLog, per
     return max(shortest, float(math.floor(found.period_s)))
 
 
-def _found(told: Diagnosis, loop: LoopEntry, before: FittedModel | None) -> Iterator[LoopFault]:
+def _found(diagnosis: Diagnosis, loop: LoopEntry, before: FittedModel | None) -> Iterator[LoopFault]:
     """Yield what is wrong, the cause before what follows from it."""
-    limits = list(_limits(told.course))
+    limits = list(_limits(diagnosis.course))
     yield from limits
-    if before is not None and told.fitted_model is not None and not limits:
-        yield from _drift(told.fitted_model, before)
+    if before is not None and diagnosis.fitted_model is not None and not limits:
+        yield from _drift(diagnosis.fitted_model, before)
     if not limits:
-        yield from _error(told)
-    if told.longer_period_s is not None and told.switchings_per_h and told.pwm_period_s:
-        ratio = told.longer_period_s / told.pwm_period_s
+        yield from _error(diagnosis)
+    if diagnosis.longer_period_s is not None and diagnosis.switchings_per_h and diagnosis.pwm_period_s:
+        ratio = diagnosis.longer_period_s / diagnosis.pwm_period_s
         if ratio > _LONGER:
             assert loop.switch is not None
-            life = SWITCHES[loop.switch].life / told.switchings_per_h / 24.0
+            life = SWITCHES[loop.switch].life / diagnosis.switchings_per_h / 24.0
             yield LoopFault(cause=Cause.WEAR, excess=ratio / _LONGER, message=(
-                f"{told.switchings_per_h:.0f} switchings an hour: the {loop.switch} is due after {life:.0f} days; "
-                f"a PWM period of {told.longer_period_s:g} s would do in place of {told.pwm_period_s:.3g} s"))
+                f"{diagnosis.switchings_per_h:.0f} switchings an hour: the {loop.switch} is due after {life:.0f} days; "
+                f"a PWM period of {diagnosis.longer_period_s:g} s would do in place of {diagnosis.pwm_period_s:.3g} s"))
 
 
 def _limits(course: RegularLog) -> Iterator[LoopFault]:
@@ -408,9 +408,9 @@ def _drift(now: FittedModel, before: FittedModel) -> Iterator[LoopFault]:
             f"{was:.3g} → {is_:.3g} since the words were made ({100.0 * (is_ / was - 1.0):+.0f} %)"))
 
 
-def _error(told: Diagnosis) -> Iterator[LoopFault]:
+def _error(diagnosis: Diagnosis) -> Iterator[LoopFault]:
     """Yield what the error says: swings, a rest that stays, or slow recovery."""
-    swung, worse, course = told.swings, told.worse, told.course
+    swung, worse, course = diagnosis.swings, diagnosis.worse, diagnosis.course
     times = "" if worse is None else f"; mean error {worse:.2g} times what is possible"
     excess = 1.0 if worse is None else max(1.0, worse / _WORSE)
     if swung.count >= _HALF_CYCLES and swung.even:
@@ -424,8 +424,8 @@ def _error(told: Diagnosis) -> Iterator[LoopFault]:
             f"rests {abs(rest):.2g} °C {'below' if rest > 0.0 else 'above'} the setpoint{times}"))
     elif worse is not None and worse > _WORSE:
         yield LoopFault(cause=Cause.SLUGGISH, excess=excess, message=f"comes back slowly{times}")
-    elif worse is None and told.fitted_model is None:
-        yield LoopFault(cause=Cause.UNKNOWN, excess=1.0, message=f"not told: {told.why_not}")
+    elif worse is None and diagnosis.fitted_model is None:
+        yield LoopFault(cause=Cause.UNKNOWN, excess=1.0, message=f"not told: {diagnosis.why_not}")
 
 
 #: causes that other words cure, as far as words can
@@ -454,50 +454,50 @@ class Cure:
     would_degC: float | None = None
 
 
-def cure_words(told: Diagnosis, loop: LoopEntry, request: DesignRequest | None) -> Cure | None:
+def cure_words(diagnosis: Diagnosis, loop: LoopEntry, request: DesignRequest | None) -> Cure | None:
     """Return the words that would cure a loop, None where words are not what it needs.
 
     Args:
-        told: what is wrong with it.
+        diagnosis: what is wrong with it.
         loop: a switch that is known gets the PWM period that suits it; else the period stays.
         request: controller, range and the rest of the design; None: the controller is not known.
     """
-    if told.cause not in _BY_WORDS:
+    if diagnosis.cause not in _BY_WORDS:
         return None
-    if told.fitted_model is None:
-        return Cure(words=None, verdict="", reason=f"no heater to design for: {told.why_not}")
+    if diagnosis.fitted_model is None:
+        return Cure(words=None, verdict="", reason=f"no heater to design for: {diagnosis.why_not}")
     if request is None:
         return Cure(words=None, verdict="", reason="name the controller: --target, or target in the list")
     try:
         with cache.cache_disabled():
-            done = find_passing_design(told.fitted_model, _asked(told, loop, request))
+            done = find_passing_design(diagnosis.fitted_model, _asked(diagnosis, loop, request))
     except HeatertuneError as problem:
         return Cure(words=None, verdict="", reason=str(problem))
-    return _lived(told, told.fitted_model, done)
+    return _lived(diagnosis, diagnosis.fitted_model, done)
 
 
-def _asked(told: Diagnosis, loop: LoopEntry, request: DesignRequest) -> DesignRequest:
+def _asked(diagnosis: Diagnosis, loop: LoopEntry, request: DesignRequest) -> DesignRequest:
     """Return what is asked for, with what is known of the loop in the place of what nobody said."""
     conditions = request.conditions
     if conditions.setpoint_degC is None:
-        conditions = replace(conditions, setpoint_degC=round(float(told.course.setpoint_degC.max()), 6))
+        conditions = replace(conditions, setpoint_degC=round(float(diagnosis.course.setpoint_degC.max()), 6))
     kind, tuned = request.switch_kind or loop.switch, request.tune_settings
-    if conditions.pwm_period_s is None and any(found.cause is Cause.WEAR for found in told.faults):
-        conditions = replace(conditions, pwm_period_s=told.longer_period_s)
-        tuned = replace(tuned, sample_time_s=tuned.sample_time_s or told.longer_period_s)
+    if conditions.pwm_period_s is None and any(found.cause is Cause.WEAR for found in diagnosis.faults):
+        conditions = replace(conditions, pwm_period_s=diagnosis.longer_period_s)
+        tuned = replace(tuned, sample_time_s=tuned.sample_time_s or diagnosis.longer_period_s)
     elif conditions.pwm_period_s is None and kind is None:
         conditions = replace(conditions, pwm_period_s=loop.pwm_period_s)
     return replace(request, conditions=conditions, switch_kind=kind, tune_settings=tuned)
 
 
-def _lived(told: Diagnosis, fitted: FittedModel, done: DesignResult) -> Cure:
+def _lived(diagnosis: Diagnosis, fitted: FittedModel, done: DesignResult) -> Cure:
     proof, words = done.proof, done.proof.words
     broken = ", ".join(proof.broken_criteria).replace("_", " ")
     why, open_points = [f"not kept: {broken}"] if broken else [], [*proof.diagnostics.blocking]
     running = words.controller()
-    lived = day(told.course, fitted.hypothetical[0], running, running.scan_s)
-    _, was, would = times_worse(lived, told.course)
-    if would > was + told.course.least_degC:
+    lived = day(diagnosis.course, fitted.hypothetical[0], running, running.scan_s)
+    _, was, would = times_worse(lived, diagnosis.course)
+    if would > was + diagnosis.course.least_degC:
         open_points.append(
             f"the logged day lived with them is worse, mean error {written(was, 2)} → {written(would, 2)} °C")
     why += [f"not proven: {point}" for point in open_points]

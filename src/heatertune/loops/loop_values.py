@@ -104,16 +104,16 @@ _Entry = Mapping[str, Any]
 _NUMBERS: Final = ("setpoint_degC", "pwm_period_s", "low_degC", "high_degC")
 
 
-def list_loops(names: Sequence[str], told: Mapping[str, LoopEntry]) -> list[LoopEntry]:
+def list_loops(names: Sequence[str], entries: Mapping[str, LoopEntry]) -> list[LoopEntry]:
     """Return a loop for each log, by its file; what the list says of it is in the place of its name alone.
 
     Raises:
         InputError: the list names a file that is no log of the folder.
     """
-    for file in told:
+    for file in entries:
         if file not in names:
             raise InputError(f"the list names {file!r}, which is no log of the folder{did_you_mean(file, names)}")
-    return [told.get(name, LoopEntry(name=str(PurePath(name).with_suffix("")), file=name)) for name in names]
+    return [entries.get(name, LoopEntry(name=str(PurePath(name).with_suffix("")), file=name)) for name in names]
 
 
 def read_list(path: str | Path) -> dict[str, LoopEntry]:

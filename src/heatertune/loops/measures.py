@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from heatertune.arrays import Array
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.proof.phase_statistics import turning_points
 
 __all__ = [
@@ -151,7 +151,7 @@ def swings(course: RegularLog, events_s: Sequence[float], shortest_s: float = 0.
     """
     bounds = [*sorted(set(events_s)), float(course.time_s[-1])]
     found = [_half_cycles(course, start, end, shortest_s) for start, end in pairwise(bounds)]
-    return max(found, key=lambda one: one.count * one.even, default=Swings(
+    return max(found, key=lambda entry: entry.count * entry.even, default=Swings(
         count=0, period_s=0.0, size_degC=0.0, even=False))
 
 
@@ -277,17 +277,17 @@ def average_log(log: Log, pwm_period_s: float | None, before_pct: float | None =
         setpoint_degC=None if log.setpoint_degC is None else log.setpoint_degC[rows])
 
 
-def _integrated(time: Array, held: Array, at: Array) -> Array:
+def _integrated(time: Array, values: Array, at: Array) -> Array:
     """Return the integral of what is held from each instant to the next, the last for good, shape of `at`."""
     row = np.clip(np.searchsorted(time, at, side="right") - 1, 0, None)
-    sums = np.concatenate([[0.0], np.cumsum(held[:-1] * np.diff(time))])
-    return np.asarray(sums[row] + held[row] * (at - time[row]))
+    sums = np.concatenate([[0.0], np.cumsum(values[:-1] * np.diff(time))])
+    return np.asarray(sums[row] + values[row] * (at - time[row]))
 
 
-def _integrated_twice(time: Array, held: Array, at: Array) -> Array:
+def _integrated_twice(time: Array, values: Array, at: Array) -> Array:
     """Return the integral of `_integrated`, exactly."""
     row, gap = np.clip(np.searchsorted(time, at, side="right") - 1, 0, None), np.diff(time)
-    once = np.concatenate([[0.0], np.cumsum(held[:-1] * gap)])
-    sums = np.concatenate([[0.0], np.cumsum(once[:-1] * gap + 0.5 * held[:-1] * gap**2)])
+    once = np.concatenate([[0.0], np.cumsum(values[:-1] * gap)])
+    sums = np.concatenate([[0.0], np.cumsum(once[:-1] * gap + 0.5 * values[:-1] * gap**2)])
     since = at - time[row]
-    return np.asarray(sums[row] + once[row] * since + 0.5 * held[row] * since**2)
+    return np.asarray(sums[row] + once[row] * since + 0.5 * values[row] * since**2)

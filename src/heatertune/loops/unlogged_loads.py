@@ -21,7 +21,7 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 from heatertune.arrays import Array
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.loops.measures import average_log, found_period_s
 from heatertune.model.statistics import ar1_bic
 
@@ -209,9 +209,9 @@ def with_duty(log: Log, period_s: float) -> Log:
     return replace(log, power_pct=np.where(between, told, np.clip(duty, 0.0, 100.0))[rows])
 
 
-def _energy(time: Array, held: Array, at: Array) -> Array:
+def _energy(time: Array, values: Array, at: Array) -> Array:
     """Return the integral of what is held from each row to the next, at instants."""
-    return np.asarray(np.interp(at, time, np.concatenate([[0.0], np.cumsum(held[:-1] * np.diff(time))])))
+    return np.asarray(np.interp(at, time, np.concatenate([[0.0], np.cumsum(values[:-1] * np.diff(time))])))
 
 
 _INSTANTS: Final = 120  # tried for a load
@@ -361,18 +361,18 @@ def _switched(log: Log, pwm_period_s: float | None, tried: _LoadTrial) -> tuple[
     for change in ("phase_s", "ticks", "phase_s"):
         others = [replace(switch, ticks=count, down=down) for count in _TICKS for down in (False, True)] if (
             change == "ticks") else [replace(switch, phase_s=begin) for begin in begins]
-        least, switch = min([(least, switch), *((left(other), other) for other in others)], key=lambda one: one[0])
+        least, switch = min([(least, switch), *((left(other), other) for other in others)], key=lambda entry: entry[0])
     return (reconstruct_power(log, switch, pwm_period_s), switch) if least < plain - _HINT else (log, DutySwitch())
 
 
-def _bent(course: PowerCourse, found: _LoadFit) -> Array:
+def _bent(course: PowerCourse, fit: _LoadFit) -> Array:
     """Return what the readings change by with lags, dead time and the instants of loads, shape (m, 3 + loads)."""
     def readings(lag: float, ratio: float, delay: float, at: Array) -> Array:
-        loads = found.linear[len(found.linear) - len(at):]
+        loads = fit.linear[len(fit.linear) - len(at):]
         return np.asarray(
-            found.linear[0] * course.answer(lag, ratio, delay) + risen(course.middle, at, lag, ratio) @ loads)
+            fit.linear[0] * course.answer(lag, ratio, delay) + risen(course.middle, at, lag, ratio) @ loads)
 
-    lag, ratio, delay, at = found.lag, max(found.ratio, _SOME), found.delay, found.instants
+    lag, ratio, delay, at = fit.lag, max(fit.ratio, _SOME), fit.delay, fit.instants
     some = max(_SOME * delay, course.step)
     others = [(lag * (1.0 + _SOME), ratio, delay, at), (lag, ratio + _SOME, delay, at), (lag, ratio, delay + some, at),
               *((lag, ratio, delay, np.where(np.arange(len(at)) == place, at + some, at)) for place in range(len(at)))]
@@ -385,21 +385,21 @@ def _tried(log: Log, pwm_period_s: float | None, before: float, *, rest: bool) -
     return _LoadTrial(thin, course, _searched(course))
 
 
-def _most_dead_time_s(course: PowerCourse, found: _LoadFit, wait_s: float) -> float | None:
+def _most_dead_time_s(course: PowerCourse, fit: _LoadFit, wait_s: float) -> float | None:
     """Return the shortest dead time tried with which one lag, its loads fitted anew, is plainly worse [s].
 
     A duty acts when the next PWM period begins, `wait_s` later at most: the log does not tell a dead time finer.
     """
-    best = _refined(course, found.lag, 0.0, found.delay + found.ratio * found.lag, found.instants)
+    best = _refined(course, fit.lag, 0.0, fit.delay + fit.ratio * fit.lag, fit.instants)
     for times in _LONGER:
         held = times * best.delay + wait_s
-        if _refined(course, best.lag, 0.0, held, best.instants, held=True).bic > best.bic + _RULED_OUT:
+        if _refined(course, best.lag, 0.0, held, best.instants, fixed=True).bic > best.bic + _RULED_OUT:
             return held
     return None
 
 
-def _worth(found: _LoadFit) -> tuple[bool, float]:
-    return not found.sensible, found.bic
+def _worth(fit: _LoadFit) -> tuple[bool, float]:
+    return not fit.sensible, fit.bic
 
 
 def _starts(log: Log, pwm_period_s: float | None) -> list[tuple[float, bool]]:
@@ -432,7 +432,7 @@ def _searched(course: PowerCourse) -> _LoadFit:
         near = {*range(0, _DELAYS, _EVERY), *np.argsort(left)[:_NEAREST].tolist()}
         rough += [(*_added(course, bases[place], steps, tried), lag, float(delays[place])) for place in sorted(near)]
     starts: list[tuple[float, Array, float, float]] = []
-    for start in sorted(rough, key=lambda one: one[0]):
+    for start in sorted(rough, key=lambda entry: entry[0]):
         if all(max(start[2] / kept[2], kept[2] / start[2]) > _APART for kept in starts):
             starts.append(start)
     refined = [_refined(course, lag, 0.0, delay, instants) for _, instants, lag, delay in starts[:_STARTS]]
@@ -470,11 +470,11 @@ def _added(
 
 
 def _refined(
-    course: PowerCourse, lag: float, ratio: float, delay: float, instants: Array, *, held: bool = False
+    course: PowerCourse, lag: float, ratio: float, delay: float, instants: Array, *, fixed: bool = False
 ) -> _LoadFit:
     """Return what least squares makes of a start: all that is not linear, the instants of the loads included.
 
-    `held`: the dead time stays.
+    `fixed`: the dead time stays.
     """
     two, length = ratio > 0.0, course.length
 
@@ -487,7 +487,7 @@ def _refined(
 
     low = [math.log(0.5 * course.step), 0.0, *([0.005] if two else []), *([_EDGES[0]] * len(instants))]
     high = [math.log(5.0 * length), 0.25, *([0.98] if two else []), *([_EDGES[1]] * len(instants))]
-    if held:
+    if fixed:
         low[1], high[1] = delay / length - 1e-6, delay / length + 1e-6
     start = np.clip([math.log(lag), delay / length, *([ratio] if two else []), *(instants / length)],
                     np.array(low) + 1e-9, np.array(high) - 1e-9)
@@ -497,17 +497,17 @@ def _refined(
     return _LoadFit(ar1_bic(left(z), len(z) + len(linear)), *parts(z), linear)
 
 
-def _pruned(course: PowerCourse, found: _LoadFit) -> _LoadFit:
+def _pruned(course: PowerCourse, fit: _LoadFit) -> _LoadFit:
     """Return what was found without what is no load: too small, the start's, or the second of two at one instant."""
-    while len(found.instants):
-        order = np.argsort(found.instants)
-        apart = np.diff(found.instants[order])
-        smallest = int(np.argmin(np.abs(found.sizes)))
-        if found.instants.min() < (_EDGES[0] + _ONE) * course.length:
-            smallest = int(np.argmin(found.instants))
+    while len(fit.instants):
+        order = np.argsort(fit.instants)
+        apart = np.diff(fit.instants[order])
+        smallest = int(np.argmin(np.abs(fit.sizes)))
+        if fit.instants.min() < (_EDGES[0] + _ONE) * course.length:
+            smallest = int(np.argmin(fit.instants))
         elif len(apart) and apart.min() < _ONE * course.length:
             smallest = int(order[np.argmin(apart)])
-        elif abs(found.sizes[smallest]) >= _LEAST_PCT:
+        elif abs(fit.sizes[smallest]) >= _LEAST_PCT:
             break
-        found = _refined(course, found.lag, found.ratio, found.delay, np.delete(found.instants, smallest))
-    return found
+        fit = _refined(course, fit.lag, fit.ratio, fit.delay, np.delete(fit.instants, smallest))
+    return fit

@@ -18,13 +18,13 @@ from typing import Final
 
 import numpy as np
 
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.model.findings import Finding
+from heatertune.model.model_values import Candidate, FittedModel
 from heatertune.model.outliers import replace_outliers, sensor_step
 from heatertune.model.power.uncertainty import told_apart
 from heatertune.model.reduction import ultimate_period_s
 from heatertune.model.statistics import Interval
-from heatertune.model.values import Candidate, FittedModel
 from heatertune.units import check
 
 __all__ = ["DelaysKnown", "logged_range_degC", "reading_step_degC", "setpoint_of", "with_late_power", "with_pwm_hidden"]
@@ -96,7 +96,7 @@ def _hardest(candidates: Sequence[Candidate], late_s: float) -> Iterator[Candida
     for lags in sorted({len(each.model.lags_s) for each in candidates}):
         known = [each for each in candidates if len(each.model.lags_s) == lags]
         longest = max(known, key=_dead_time_s)
-        hardest = min(known, key=lambda each: _ultimate_gain(_later(each, late_s, "")))
+        hardest = min(known, key=lambda entry: _ultimate_gain(_later(entry, late_s, "")))
         yield longest
         if hardest is not longest:
             yield hardest

@@ -7,9 +7,9 @@ from dataclasses import replace
 from typing import Final, TypeVar
 
 from heatertune.errors import InputError
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
+from heatertune.model.model_values import Candidate, FittedModel, HeaterModel
 from heatertune.model.statistics import RATIO, Interval
-from heatertune.model.values import Candidate, FittedModel, HeaterModel
 
 __all__ = ["cools", "middle_degC", "mirror_heater", "mirrored_log", "mirrored_model"]
 

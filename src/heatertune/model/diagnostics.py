@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from heatertune.log.values import Log, ReadSummary
+from heatertune.log.log_values import Log, ReadSummary
 from heatertune.model.findings import Finding
+from heatertune.model.model_values import FitOutcome, FittedModel
 from heatertune.model.statistics import Interval
-from heatertune.model.values import FitOutcome, FittedModel
 from heatertune.units import degF_to_degC
 
 __all__ = ["DROP_PCT", "Remark", "fast_remarks", "findings_of", "level_remarks", "neighbour_findings",

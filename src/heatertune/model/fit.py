@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from heatertune.errors import InputError, OutOfRange
-from heatertune.log.values import MOST_REPAIRED, Log
+from heatertune.log.log_values import MOST_REPAIRED, Log
 from heatertune.model.circumstances import DelaysKnown
 from heatertune.model.cooler_mirror import middle_degC, mirror_heater, mirrored_log
 from heatertune.model.diagnostics import Remark, findings_of, neighbour_findings, unit_findings
 from heatertune.model.disturbance import DisturbanceEffect, LossEffect
 from heatertune.model.findings import Finding
+from heatertune.model.model_values import FitOutcome, FittedModel, model_by_hand
 from heatertune.model.outliers import undisturbed_part
 from heatertune.model.power.explanation import Explanation, explain_log
 from heatertune.model.power.feedback import loop_remarks
@@ -33,7 +34,6 @@ from heatertune.model.temperature.evidence import is_faster_than_rows
 from heatertune.model.temperature.fit_temperature import fit_temperature
 from heatertune.model.temperature.two_level import Thermostat, fit_logged_switchings, fit_two_level
 from heatertune.model.temperature.two_level_result import two_level_model
-from heatertune.model.values import FitOutcome, FittedModel, model_by_hand
 from heatertune.options import merge_options
 from heatertune.settings import FitSettings
 from heatertune.units import check
@@ -110,13 +110,13 @@ def fit(
 
 
 def _fit_unlogged(
-    log: Log, laws: Sequence[ControllerLaw], bounds: Bounds | None, given: FitSettings, seed: int, thorough: bool,
+    log: Log, laws: Sequence[ControllerLaw], bounds: Bounds | None, settings: FitSettings, seed: int, thorough: bool,
     progress: Callable[[str], object],
 ) -> tuple[FittedModel, tuple[str, ...]]:
     """Return the fit of a log without power, of two-level control if that is stated or explains it best, and notes."""
-    used, notes = _used(log, given.until_s)
-    whole = log if given.until_s is None else used  # a quick heat-up may look like a jump
-    thermostat = Thermostat.stated(given.thermostat)
+    used, notes = _used(log, settings.until_s)
+    whole = log if settings.until_s is None else used  # a quick heat-up may look like a jump
+    thermostat = Thermostat.stated(settings.thermostat)
     progress(f"{log.name}: fitting the switchings of two-level control")
     switched = fit_two_level(whole, ambient_degC=bounds, thermostat=thermostat)
     if thermostat is not None:
@@ -191,26 +191,26 @@ def _with_better_order(fitted: FittedModel) -> FittedModel:
                    or fitted.outcome is not FitOutcome.IDENTIFIED else FitOutcome.COMBINATIONS_ONLY)
 
 
-def _of_cooler(log: Log, given: FitSettings, seed: int, progress: Callable[[str], object]) -> FittedModel:
+def _of_cooler(log: Log, settings: FitSettings, seed: int, progress: Callable[[str], object]) -> FittedModel:
     """Return the cooler behind a log with power: the mirror image of the heater behind the mirrored log."""
     if log.power_pct is None:
         raise InputError(f"{log.name}: the power was not logged, and no law is known by which a controller cools; log "
                          "the power")
     log.demand_heater_alone("next to that of a heater: fit both, without --cooler")
-    about, bounds = middle_degC(log), _bounds(given.ambient_degC)
-    _check_given(mirrored_log(log, about), None, given.power_before_pct)
+    about, bounds = middle_degC(log), _bounds(settings.ambient_degC)
+    _check_given(mirrored_log(log, about), None, settings.power_before_pct)
     turned = None if bounds is None else (2.0 * about - bounds[1], 2.0 * about - bounds[0])
-    heater = fit(mirrored_log(log, about), replace(given, cooler=False, ambient_degC=turned), seed=seed,
+    heater = fit(mirrored_log(log, about), replace(settings, cooler=False, ambient_degC=turned), seed=seed,
                  progress=progress)
     note = (f"{log.name}: of a cooler, and fitted as a heater, mirrored at {about:.4g} °C; a temperature in the notes "
             "of the fit is that of the mirror image.")
     return replace(mirror_heater(heater, about), notes=(note, *heater.notes))
 
 
-def _refuse_cooler(given: FitSettings) -> None:
-    if given.thermostat is not None:
+def _refuse_cooler(settings: FitSettings) -> None:
+    if settings.thermostat is not None:
         raise InputError("--thermostat needs a single log without power, and no other controller; leave it out")
-    if given.cooler:
+    if settings.cooler:
         raise InputError("--cooler needs a single log that contains the power; fit it separately")
 
 
@@ -354,9 +354,9 @@ def _together(
     return replace(fitted, notes=(*notes, *fitted.notes), findings=(*fitted.findings, *findings_of(loops)))
 
 
-def _delays(given: FitSettings) -> DelaysKnown:
-    return DelaysKnown(dead_time_at_most_s=given.dead_time_at_most_s, sensor_delay_s=given.sensor_delay_s,
-                       pwm_period_s=given.log_pwm_period_s)
+def _delays(settings: FitSettings) -> DelaysKnown:
+    return DelaysKnown(dead_time_at_most_s=settings.dead_time_at_most_s, sensor_delay_s=settings.sensor_delay_s,
+                       pwm_period_s=settings.log_pwm_period_s)
 
 
 def _bounds(ambient_degC: float | Bounds | None) -> Bounds | None:

@@ -19,8 +19,8 @@ import numpy as np
 from heatertune.arrays import Array
 from heatertune.heater.exact import advance_step, factors
 from heatertune.heater.heat_loss import STEPS, Loss, LossCurve, loss_at, tangent_at
+from heatertune.model.model_values import Candidate, FittedModel, Fopdt, HeaterModel, TwoLag
 from heatertune.model.statistics import Interval
-from heatertune.model.values import Candidate, FittedModel, Fopdt, HeaterModel, TwoLag
 
 __all__ = [
     "LossFopdt", "LossTwoLag", "for_setpoints", "has_loss_curve", "heater_with_loss", "loss_above",

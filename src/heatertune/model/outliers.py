@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.arrays import Array
-from heatertune.log.values import MIN_SAMPLES, Log
+from heatertune.log.log_values import MIN_SAMPLES, Log
 
 __all__ = ["disturbance_s", "replace_outliers", "sensor_step", "undisturbed_part", "without_outliers"]
 

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from heatertune.arrays import Array
-from heatertune.model.values import Fopdt, HeaterModel, TwoLag
+from heatertune.model.model_values import Fopdt, HeaterModel, TwoLag
 
 __all__ = ["COMBINATIONS", "FIELDS", "crossover_rad_s", "match_fopdt", "ultimate_period_s"]
 

@@ -18,12 +18,12 @@ import numpy.typing as npt
 from heatertune.arrays import Array
 from heatertune.errors import InputError, OutOfRange
 from heatertune.heater.exact import advance_step, factors, turning_time
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
+from heatertune.model.model_values import FittedModel, Fopdt, HeaterModel
 from heatertune.model.power.open_loop import PowerProblem
 from heatertune.model.power.regressors import Readings
 from heatertune.model.response import Schedule
 from heatertune.model.statistics import Interval, student_t
-from heatertune.model.values import FittedModel, Fopdt, HeaterModel
 from heatertune.units import check
 
 __all__ = [

@@ -15,7 +15,7 @@ import numpy as np
 from heatertune.arrays import Array
 from heatertune.errors import OutOfRange
 from heatertune.heater.exact import apart, since_step, slopes_by_lag, turning_times
-from heatertune.model.values import HeaterModel
+from heatertune.model.model_values import HeaterModel
 from heatertune.units import check
 
 __all__ = ["Schedule", "peak_rise", "rise", "rows_of", "sensitivities"]

@@ -86,16 +86,16 @@ def percentile_interval(values: Array) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def share_bounds(kept: int, count: int) -> tuple[float, float]:
-    """Return lower and upper bound of a proportion, from `kept` of `count` samples.
+def share_bounds(passing_count: int, count: int) -> tuple[float, float]:
+    """Return lower and upper bound of a proportion, from `passing_count` of `count` samples.
 
     Each bound holds with 95 % confidence, exactly (C. J. Clopper and E. S. Pearson, "The use of confidence or fiducial
     limits illustrated in the case of the binomial", Biometrika 26 (1934) 404–413); NaN if not applicable.
     """
     from scipy.special import betaincinv
 
-    least = 0.0 if kept == 0 else float(betaincinv(kept, count - kept + 1, 0.05))
-    return least, 1.0 if kept == count else float(betaincinv(kept + 1, count - kept, 0.95))
+    least = 0.0 if passing_count == 0 else float(betaincinv(passing_count, count - passing_count + 1, 0.05))
+    return least, 1.0 if passing_count == count else float(betaincinv(passing_count + 1, count - passing_count, 0.95))
 
 
 def student_t(freedom: float) -> float:

@@ -13,11 +13,11 @@ import numpy as np
 
 from heatertune.errors import InputError
 from heatertune.heater.exact import since_step
-from heatertune.model.values import Fopdt, TwoLag
+from heatertune.model.model_values import Fopdt, TwoLag
 
 if TYPE_CHECKING:
     from heatertune.arrays import Array
-    from heatertune.model.values import HeaterModel
+    from heatertune.model.model_values import HeaterModel
 
 __all__ = ["LinearSystem", "heater_from"]
 

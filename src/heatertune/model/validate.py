@@ -17,16 +17,16 @@ import numpy as np
 from heatertune.arrays import Array
 from heatertune.codec import construct_from, encode, register_schema
 from heatertune.errors import InputError
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.model.cooler_mirror import cools, middle_degC, mirror_heater, mirrored_log, mirrored_model
-from heatertune.model.document import CorrelationView, WhitenessView
+from heatertune.model.model_document import CorrelationView, WhitenessView
+from heatertune.model.model_values import FittedModel, HeaterModel, InputCorrelation, TwoLag
 from heatertune.model.outliers import replace_outliers, undisturbed_part
 from heatertune.model.power.feedback import feedback_notes, input_correlation
 from heatertune.model.power.open_loop import FixedUnknowns, PowerProblem
 from heatertune.model.power.regressors import AMBIENT, FIRST_STATE, GAIN, SECOND_STATE, Readings
 from heatertune.model.statistics import fit_pct
 from heatertune.model.validation import ljung_box
-from heatertune.model.values import FittedModel, HeaterModel, InputCorrelation, TwoLag
 from heatertune.options import merge_options
 from heatertune.settings import ValidateSettings
 

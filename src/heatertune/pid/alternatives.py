@@ -11,15 +11,15 @@ import numpy as np
 
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.cooler_mirror import cools, mirror_heater
-from heatertune.model.values import FittedModel
+from heatertune.model.model_values import FittedModel
 from heatertune.pid.continuous_optimum import ContinuousProblem, assess_design, optimum
 from heatertune.pid.continuous_optimum import margins as continuous_margins
+from heatertune.pid.design_values import PidDesign
 from heatertune.pid.rules import RULES, apply_rule, model_for, range_note
 from heatertune.pid.sampled_loop import iae_load, margins
 from heatertune.pid.search.feasible import Problem, search
 from heatertune.pid.specs import OBJECTIVES, Specs
 from heatertune.pid.tune import assessed_sampled, tune
-from heatertune.pid.values import PidDesign
 from heatertune.settings import TuneSettings
 from heatertune.units import whole
 

@@ -16,8 +16,8 @@ import numpy as np
 
 from heatertune.arrays import Array, Complex
 from heatertune.heater.exact import apart
+from heatertune.pid.design_values import DERIVATIVE_FILTER_N
 from heatertune.pid.specs import ROOM
-from heatertune.pid.values import DERIVATIVE_FILTER_N
 
 __all__ = [
     "DERIVATIVE_FILTER_N", "Four", "Space", "controller", "encirclements", "least_price", "oscillation", "pieces",

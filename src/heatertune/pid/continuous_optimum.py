@@ -17,15 +17,15 @@ import numpy as np
 from heatertune.arrays import Array, Complex
 from heatertune.compiled import compile_function
 from heatertune.errors import InputError
-from heatertune.model.values import FittedModel, HeaterModel
+from heatertune.model.model_values import FittedModel, HeaterModel
 from heatertune.pid import continuous_loop as continuous
 from heatertune.pid.continuous_loop import DERIVATIVE_FILTER_N, Four, Space, least_price, pieces, price
+from heatertune.pid.design_values import Margins, PidDesign, Promise, structure_of
 from heatertune.pid.explain import explain, told_about_faces
 from heatertune.pid.rules import RULES, apply_rule, model_for
 from heatertune.pid.sampled_loop import crossings
 from heatertune.pid.search.robust import Open, robust_design
 from heatertune.pid.specs import Specs, is_boundless, refuse_boundless
-from heatertune.pid.values import Margins, PidDesign, Promise, structure_of
 
 __all__ = [
     "ContinuousProblem", "Task", "assess_design", "global_check", "global_optimum", "iae", "margins", "optimum",

@@ -13,9 +13,9 @@ from contextvars import ContextVar
 from typing import Final
 
 from heatertune.errors import InputError
-from heatertune.model.values import FittedModel, HeaterModel
+from heatertune.model.model_values import FittedModel, HeaterModel
+from heatertune.pid.design_values import PidDesign
 from heatertune.pid.specs import Specs
-from heatertune.pid.values import PidDesign
 
 __all__ = ["LOOSER", "explain", "told_about_faces", "without_explanation"]
 
@@ -70,7 +70,7 @@ def without_explanation() -> Iterator[None]:
 
 
 def explain(
-    specs: Specs, peaks: Mapping[str, float], cost: float, solve: Callable[[Specs], float], held: Sequence[str] = ()
+    specs: Specs, peaks: Mapping[str, float], cost: float, solve: Callable[[Specs], float], limits: Sequence[str] = ()
 ) -> list[str]:
     """Return one sentence for each active limit, or one if no limit is active; an empty list if switched off.
 
@@ -79,14 +79,14 @@ def explain(
         peaks: name of the limit → value of the design.
         cost: of the design.
         solve: specs → cost of the optimum under them; called once for each active limit.
-        held: other restrictions of the gain, one sentence each.
+        limits: other restrictions of the gain, one sentence each.
     """
     if _left_out.get():
         return []
     active = [name for name, limit in specs.limits.items() if peaks[name] >= limit * (1.0 - _AT)]
-    if not active and not held:
+    if not active and not limits:
         return [f"No limit is active ({specs.text}): a larger gain would only make the response oscillate more."]
-    return [*held, *(_sentence(specs, name, cost, solve) for name in active)]
+    return [*limits, *(_sentence(specs, name, cost, solve) for name in active)]
 
 
 def _sentence(specs: Specs, name: str, cost: float, solve: Callable[[Specs], float]) -> str:

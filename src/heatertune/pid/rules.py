@@ -18,8 +18,8 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 from heatertune.errors import InputError, OutOfRange, UnknownName
-from heatertune.model.values import FittedModel, HeaterModel, TwoLag
-from heatertune.pid.values import Settings, series_to_ideal
+from heatertune.model.model_values import FittedModel, HeaterModel, TwoLag
+from heatertune.pid.design_values import Settings, series_to_ideal
 from heatertune.units import check
 
 __all__ = [

@@ -26,8 +26,8 @@ import numpy as np
 from heatertune.arrays import Array, Complex
 from heatertune.compiled import compile_function, worth_compiling
 from heatertune.heater.exact import apart
-from heatertune.model.values import HeaterModel, TwoLag
-from heatertune.pid.values import Margins, PidDesign
+from heatertune.model.model_values import HeaterModel, TwoLag
+from heatertune.pid.design_values import Margins, PidDesign
 
 __all__ = [
     "SampledPlant", "combine_responses", "control_margins", "controller_response", "crossings", "dominant_time_s",

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from heatertune.errors import InputError, OutOfRange, UnknownName
-from heatertune.model.values import HeaterModel, TwoLag
+from heatertune.model.model_values import HeaterModel, TwoLag
 from heatertune.settings import TuneSettings
 from heatertune.units import check
 

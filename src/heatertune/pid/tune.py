@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING
 
 from heatertune.errors import InputError, UnknownName
 from heatertune.model.cooler_mirror import cools, mirror_heater
-from heatertune.model.values import FittedModel, HeaterModel
+from heatertune.model.model_values import FittedModel, HeaterModel
 from heatertune.options import merge_options, options_of
 from heatertune.pid.continuous_optimum import tune_continuous
+from heatertune.pid.design_values import PidDesign, Promise, Timer
 from heatertune.pid.explain import explain, told_about_faces
 from heatertune.pid.rules import RULES, apply_rule, model_for, range_note
 from heatertune.pid.sampled_loop import dominant_time_s, iae_load, iae_setpoint, margins, noise_gain, worst
 from heatertune.pid.search.feasible import Problem, polish, search
 from heatertune.pid.search.robust import Open, RobustDesign, robust_design
 from heatertune.pid.specs import ROOM, Specs, refuse_boundless
-from heatertune.pid.values import PidDesign, Promise, Timer
 from heatertune.settings import STEP_POWER_PCT, TuneSettings
 from heatertune.units import check, written
 
@@ -144,19 +144,19 @@ def _alone(problem: Problem, plant: HeaterModel) -> tuple[PidDesign, Callable[[P
     return search(own), own.cost
 
 
-def refuse_contradictions(asked: TuneSettings) -> None:
+def refuse_contradictions(settings: TuneSettings) -> None:
     """Refuse settings that contradict each other, before anything is computed.
 
     Raises:
         UnknownName: no such method.
         InputError: a closed-loop time of the optimum, or a limit on drawn heaters of a rule.
     """
-    if asked.method not in METHODS:
-        raise UnknownName("tuning method", asked.method, METHODS)
-    if asked.closed_loop_s is not None and asked.method == "optimum":
+    if settings.method not in METHODS:
+        raise UnknownName("tuning method", settings.method, METHODS)
+    if settings.closed_loop_s is not None and settings.method == "optimum":
         raise InputError("the optimum takes no closed-loop time constant; give --ms, or a rule with --method")
-    if asked.robust != "none" and asked.method != "optimum":
-        raise InputError(f"the rule {asked.method} has no limits to keep; --robust goes with --method optimum")
+    if settings.robust != "none" and settings.method != "optimum":
+        raise InputError(f"the rule {settings.method} has no limits to keep; --robust goes with --method optimum")
 
 
 def _improved(

@@ -15,7 +15,7 @@ from importlib import import_module
 from typing import Any, ClassVar, Final, NamedTuple, cast, final
 
 from heatertune.errors import InputError, OutOfRange, UnknownName
-from heatertune.pid.values import PidDesign, Timer
+from heatertune.pid.design_values import PidDesign, Timer
 from heatertune.plc.core import ControllerState, RunningController, Scan, StepFunctions, Timing
 from heatertune.plc.exported import Loads
 from heatertune.plc.feed_forward import FeedForwardHooks

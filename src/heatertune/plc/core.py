@@ -206,9 +206,9 @@ class RunningController:
         self._held_pct = self.scan.power_pct if begins else self._held_pct
         return self._held_pct
 
-    def _follow(self, asked: Number, reading: Number) -> Number:
+    def _follow(self, target: Number, reading: Number) -> Number:
         """Return the setpoint word at this scan."""
         if self._ramp is None:
-            return asked
+            return target
         word = self._followed if self._calls else reading
-        return next_setpoint(word, asked, self._ramp, reading, due=(self._calls + 1) % self._ramp.calls == 0)
+        return next_setpoint(word, target, self._ramp, reading, due=(self._calls + 1) % self._ramp.calls == 0)

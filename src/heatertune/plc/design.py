@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any, Final
 
 from heatertune import cache
 from heatertune.errors import InputError
-from heatertune.model import document as model_document
+from heatertune.model import model_document
+from heatertune.model.model_values import FittedModel, Fopdt, HeaterModel, TwoLag, model_by_hand
 from heatertune.model.transfer_functions import LinearSystem, heater_from
-from heatertune.model.values import FittedModel, Fopdt, HeaterModel, TwoLag, model_by_hand
 from heatertune.options import Keywords, merge_options, split_options, with_options
-from heatertune.pid import document as pid_document
-from heatertune.pid.values import PidDesign
+from heatertune.pid import design_document as pid_document
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Scaling, Words, controller_for
 from heatertune.plc.targets import target_named
 from heatertune.processors import ProgressCallback, log_progress

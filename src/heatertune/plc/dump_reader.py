@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from heatertune.errors import InputError, OutOfRange
-from heatertune.pid.values import PidDesign
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc.controller import Controller
 from heatertune.plc.open_points import settings_of
 from heatertune.plc.readback import lines_of, text_of, wrong
@@ -51,7 +51,7 @@ def content_of(path: str | Path) -> bytes:
 
 def read_machine(
     controller: Controller, content: bytes, *, sample_time_s: float | None, scaling: Scaling, source: str,
-    known: Mapping[str, str] | None = None,
+    stated: Mapping[str, str] | None = None,
 ) -> Machine:
     """Return the words in a file, and what stands there besides.
 
@@ -61,7 +61,7 @@ def read_machine(
         sample_time_s: interval at which the controller is called [s]; None: as its words tell it.
         scaling: sensor range; no memory holds it.
         source: the file's name, for error messages.
-        known: settings of open points; of a text with several heaters they select one.
+        stated: settings of open points; of a text with several heaters they select one.
 
     Raises:
         InputError: bytes or text that hold no words of this controller, each bad line by its number and value; a
@@ -77,7 +77,7 @@ def read_machine(
         interval = _interval(controller, sample_time_s)
         words = controller.read_image(content, sample_time_s=interval, scaling=scaling, source=source)
         return Machine(words, assumed=_premises(controller, words))
-    settings = settings_of(controller.switches, known or {})
+    settings = settings_of(controller.switches, stated or {})
     read = (controller.text(text, sample_time_s, source) if controller.text_of_heater is None else
             controller.text_of_heater(text, sample_time_s, source, settings["heater"]))
     by_words = None if controller.interval_s is None else controller.interval_s(read.values)

@@ -71,26 +71,26 @@ class ExportedInPlc(Protocol):
     def start(self) -> None:
         """Start up: STOP to RUN, or the supply is back."""
 
-    def call(self, asked: Number, counts: int, reading_degC: float) -> CallResult:
+    def call(self, target: Number, counts: int, reading_degC: float) -> CallResult:
         """Run the tick of the next call of the controller, what lies between left out.
 
         Args:
-            asked: the setpoint that the user enters [units]; the first one is loaded with the program.
+            target: the setpoint that the user enters [units]; the first one is loaded with the program.
             counts: of the input module, from 0 at the beginning of the sensor's range on.
             reading_degC: the same as a module in °C gives it.
         """
 
-    def tick(self, asked: Number, counts: int, reading_degC: float) -> tuple[CallResult, bool | None]:
+    def tick(self, target: Number, counts: int, reading_degC: float) -> tuple[CallResult, bool | None]:
         """Run one tick; return what the controller gave last, and whether the heater is on, as `begin` tells it.
 
         Arguments as for `call`.
         """
 
-    def calls(self, given: CallInputs) -> CallOutputs | None:  # noqa: ARG002 - one that can looks at it
+    def calls(self, inputs: CallInputs) -> CallOutputs | None:  # noqa: ARG002 - one that can looks at it
         """Do many times what `call` does, at once; None: one by one it is, and nothing was done."""
         return None
 
-    def ticks(self, given: CallInputs) -> CallOutputs | None:  # noqa: ARG002
+    def ticks(self, inputs: CallInputs) -> CallOutputs | None:  # noqa: ARG002
         """Do so what `tick` does."""
         return None
 

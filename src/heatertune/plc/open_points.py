@@ -99,34 +99,34 @@ def open_points_of(assumptions: type[NamedTuple]) -> Mapping[str, OpenPoint]:
     return switches
 
 
-def assumptions_from(assumptions: type[NamedTuple], given: Mapping[str, str]) -> Any:
+def assumptions_from(assumptions: type[NamedTuple], stated: Mapping[str, str]) -> Any:
     """Return the named tuple for settings of its switches; those not given have their default.
 
     Raises:
         UnknownName: a switch or setting that is not there.
     """
     switches = open_points_of(assumptions)
-    settings = settings_of(tuple(switches.values()), given)
+    settings = settings_of(tuple(switches.values()), stated)
     meanings = {field: switch.means[settings[switch.name]] for field, switch in switches.items()}
     return cast("Any", assumptions)(**meanings)
 
 
-def settings_of(switches: Sequence[OpenPoint], given: Mapping[str, str]) -> dict[str, str]:
+def settings_of(switches: Sequence[OpenPoint], stated: Mapping[str, str]) -> dict[str, str]:
     """Return the setting of every switch: the one given, else its default.
 
     Raises:
         UnknownName: a switch or setting that is not there.
     """
     by_name = {switch.name: switch for switch in switches}
-    for name, setting in given.items():
+    for name, setting in stated.items():
         if name not in by_name:
             raise UnknownName("switch", name, by_name)
         if setting not in by_name[name].settings:
             raise UnknownName(f"setting of {name}", setting, by_name[name].settings)
-    return {name: given.get(name, switch.default) for name, switch in by_name.items()}
+    return {name: stated.get(name, switch.default) for name, switch in by_name.items()}
 
 
-def settings_to_prove(switches: Sequence[OpenPoint], known: Mapping[str, str] | None = None) -> list[dict[str, str]]:
+def settings_to_prove(switches: Sequence[OpenPoint], stated: Mapping[str, str] | None = None) -> list[dict[str, str]]:
     """Return the settings under which words are proven, the defaults (and what is known) first.
 
     Every combination where there are few of them; otherwise each switch on its own. What shows in manual alone stays.
@@ -135,9 +135,9 @@ def settings_to_prove(switches: Sequence[OpenPoint], known: Mapping[str, str] | 
     Raises:
         UnknownName: what is known is no switch or setting.
     """
-    default = settings_of(switches, known or {})
+    default = settings_of(switches, stated or {})
     open_ = [switch for switch in switches if not switch.in_manual and (
-        default[switch.name] != switch.default if switch.chosen else switch.name not in (known or {}))]
+        default[switch.name] != switch.default if switch.chosen else switch.name not in (stated or {}))]
     untold = {switch.name: [each for each in switch.settings if each not in switch.summary] for switch in open_}
     varied: Iterable[dict[str, str]]
     if math.prod(map(len, untold.values())) <= _ALL_TOGETHER:

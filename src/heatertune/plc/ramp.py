@@ -107,27 +107,27 @@ class Ramp:
         return self.hold is not None and self.hold < 0
 
 
-def next_setpoint(setpoint: Number, asked: Number, ramp: Ramp, reading: Number, *, due: bool = True) -> Number:
+def next_setpoint(setpoint: Number, target: Number, ramp: Ramp, reading: Number, *, due: bool = True) -> Number:
     """Return the setpoint at the next call of the controller; sums of REALs round once.
 
     Args:
         setpoint: at the call before.
-        asked: where it goes to.
+        target: where it goes to.
         ramp: how.
         reading: at this call.
         due: whether this call makes a step; a step leaves what is no number at once.
     """
     if ramp.hold is not None and ramp.cools:
-        return -next_setpoint(-setpoint, -asked, replace(ramp, hold=-ramp.hold), -reading, due=due)
-    lowest = asked if ramp.hold is None else max(asked, _stored(reading - ramp.hold, ramp.step))  # nan: asked
+        return -next_setpoint(-setpoint, -target, replace(ramp, hold=-ramp.hold), -reading, due=due)
+    lowest = target if ramp.hold is None else max(target, _stored(reading - ramp.hold, ramp.step))  # nan: asked
     if not due:
         pass
-    elif setpoint < asked:
-        setpoint = min(_stored(setpoint + ramp.step, ramp.step), asked)
+    elif setpoint < target:
+        setpoint = min(_stored(setpoint + ramp.step, ramp.step), target)
     elif setpoint > lowest:
         setpoint = max(_stored(setpoint - ramp.step, ramp.step), lowest)
-    elif not setpoint > asked:
-        setpoint = asked
+    elif not setpoint > target:
+        setpoint = target
     if ramp.hold is None:
         return setpoint
     highest = _stored(reading + ramp.hold, ramp.step)

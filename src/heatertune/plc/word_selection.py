@@ -16,12 +16,12 @@ import numpy as np
 
 from heatertune import cache
 from heatertune.errors import NotRepresentable, OutOfRange, UnknownName
-from heatertune.model.values import FittedModel, HeaterModel
-from heatertune.pid.document import promise_document
+from heatertune.model.model_values import FittedModel, HeaterModel
+from heatertune.pid.design_document import promise_document
+from heatertune.pid.design_values import PidDesign, Promise
 from heatertune.pid.sampled_loop import iae_load, sensitivity_peaks
 from heatertune.pid.search.integers import IntegerOptimum, Integers, Vector, best_integers
 from heatertune.pid.search.robust import ROBUST, BrokenLimit, Open, draw_heaters, ms_over
-from heatertune.pid.values import PidDesign, Promise
 from heatertune.plc import Number, Scaling, Words, controller_for
 from heatertune.plc.design import encode, loop_fit, tune
 from heatertune.processors import ProgressCallback
@@ -270,7 +270,7 @@ def tune_for_words(
     return replace(design, notes=(*design.notes, note))
 
 
-def _why_rounded(design: PidDesign, rounded: Words, way: str, wished: _Measured) -> str | None:
+def _why_rounded(design: PidDesign, rounded: Words, way: str, ideal: _Measured) -> str | None:
     """Return why the words are rounded, None where the optimum is searched."""
     reasons = (
         (controller_for(rounded.target).decode(rounded) is None, "the controller is no PID"),
@@ -280,21 +280,21 @@ def _why_rounded(design: PidDesign, rounded: Words, way: str, wished: _Measured)
         (way == "auto" and not design.method.startswith("optimum"),
          "the design is not an optimum, so its values are kept; --words optimum would search"),
         (math.isinf(design.integral_time_s), "without an I part only the gain is rounded"),
-        (math.isinf(wished.ms) or math.isinf(wished.iae_load),
+        (math.isinf(ideal.ms) or math.isinf(ideal.iae_load),
          "the unrounded design itself does not settle on a candidate model"),
     )
     return next((why for applies, why in reasons if applies), None)
 
 
-def _as_robust(design: PidDesign, rounded: Words, fitted: FittedModel, wished: _Measured) -> Words:
+def _as_robust(design: PidDesign, rounded: Words, fitted: FittedModel, ideal: _Measured) -> Words:
     """Return the words with less gain where whole milliseconds or seconds have lifted an optimum's Ms."""
     its, gain = controller_for(rounded.target), design.gain_pct_per_degC
-    if its.integers is not None or not design.method.startswith("optimum") or math.isinf(wished.ms):
+    if its.integers is not None or not design.method.startswith("optimum") or math.isinf(ideal.ms):
         return rounded
     for words in (encode(replace(design, gain_pct_per_degC=less * gain), its.name, scaling=rounded.scaling)
                   for less in _LESS):
         real = its.decode(words)
-        if real is None or max(sensitivity_peaks(plant, real)[0] for plant in fitted.plants) <= wished.ms:
+        if real is None or max(sensitivity_peaks(plant, real)[0] for plant in fitted.plants) <= ideal.ms:
             return words
     return rounded
 
@@ -374,7 +374,7 @@ def _with(words: Words, sizes: Vector) -> Words:
 
 
 def _chosen(rounded: Words, best: IntegerOptimum, fitted: FittedModel, design: PidDesign,
-            wished: _Measured) -> WordChoice:
+            ideal: _Measured) -> WordChoice:
     assert best.words is not None
     words = _with(rounded, best.words)
     plain, real = _realised(rounded, fitted), _realised(words, fitted)
@@ -383,25 +383,25 @@ def _chosen(rounded: Words, best: IntegerOptimum, fitted: FittedModel, design: P
     held = " and ".join(f"{name} = {words.values[name]}" for name in _integers(words) if words.values[name])
     left = 100.0 * (1.0 - best.least / best.cost)
     proof = "no other integers are better" if best.proven else f"no other integers are better by more than {left:.2g} %"
-    gap, gap_rounded = _gap(real, wished), _gap(plain, wished)
+    gap, gap_rounded = _gap(real, ideal), _gap(plain, ideal)
     notes = [
-        f"{held} are the best integers with Ms <= {wished.ms:.5g}: a load disturbance costs {_more(gap)} than "
+        f"{held} are the best integers with Ms <= {ideal.ms:.5g}: a load disturbance costs {_more(gap)} than "
         f"the unrounded design; plain rounding costs {_more(gap_rounded)} at Ms = {plain.ms:.5g}.",
         f"The branch-and-bound search evaluated {best.boxes} boxes of integers: {proof}.",
         *_coarse_notes(words, design),
     ]
     return WordChoice(words=words, search=WordSearch(
-        way="optimum", realised=_as_realised(real, wished.iae_load), ms_limit=wished.ms,
-        iae_load_wished=wished.iae_load, notes=tuple(notes), optimum=Optimum(
+        way="optimum", realised=_as_realised(real, ideal.iae_load), ms_limit=ideal.ms,
+        iae_load_wished=ideal.iae_load, notes=tuple(notes), optimum=Optimum(
             proven=best.proven, left_open_pct=left,
             rounded_words={name: rounded.values[name] for name in _integers(words)},
-            rounded=_as_realised(plain, wished.iae_load)),
+            rounded=_as_realised(plain, ideal.iae_load)),
     ))
 
 
-def _plainly(rounded: Words, fitted: FittedModel, wished: _Measured, why: str) -> WordChoice:
+def _plainly(rounded: Words, fitted: FittedModel, ideal: _Measured, why: str) -> WordChoice:
     plain = _realised(rounded, fitted)
-    gap = None if plain is None else _gap(plain, wished)
+    gap = None if plain is None else _gap(plain, ideal)
     price = "" if plain is None or math.isinf(plain.iae_load) else (
         f"; a load disturbance costs {_more(gap)} than the unrounded design, at Ms = {plain.ms:.5g}"
     )
@@ -411,8 +411,8 @@ def _plainly(rounded: Words, fitted: FittedModel, wished: _Measured, why: str) -
         assert design is not None
         notes += _coarse_notes(rounded, design)
     return WordChoice(words=rounded, search=WordSearch(
-        way="rounded", realised=_as_realised(plain, wished.iae_load), ms_limit=_finite(wished.ms),
-        iae_load_wished=_finite(wished.iae_load), notes=tuple(notes)))
+        way="rounded", realised=_as_realised(plain, ideal.iae_load), ms_limit=_finite(ideal.ms),
+        iae_load_wished=_finite(ideal.iae_load), notes=tuple(notes)))
 
 
 def realised_as(words: Words, fitted: FittedModel, wished_iae: float | None) -> RealisedResult:
@@ -482,10 +482,10 @@ def _measured(plants: tuple[HeaterModel, ...], design: PidDesign) -> _Measured:
     )
 
 
-def _gap(measured: _Measured, wished: _Measured) -> float | None:
-    if math.isinf(measured.iae_load) or math.isinf(wished.iae_load):
+def _gap(measured: _Measured, ideal: _Measured) -> float | None:
+    if math.isinf(measured.iae_load) or math.isinf(ideal.iae_load):
         return None
-    return 100.0 * (measured.iae_load / wished.iae_load - 1.0)
+    return 100.0 * (measured.iae_load / ideal.iae_load - 1.0)
 
 
 def _more(gap: float | None) -> str:

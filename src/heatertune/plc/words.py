@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple, TypedDict, cast
 
 from heatertune.codec import LEFT_OUT
 from heatertune.errors import InputError, NotRepresentable, OutOfRange
-from heatertune.pid.values import Timer
+from heatertune.pid.design_values import Timer
 from heatertune.plc.pwm import Actuator
 from heatertune.plc.ramp import Boost, Number, Ramp
 from heatertune.plc.single_precision import is_single, single

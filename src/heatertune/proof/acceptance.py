@@ -20,9 +20,9 @@ import numpy as np
 
 from heatertune.arrays import Array
 from heatertune.errors import InputError, UnknownName
-from heatertune.model.values import HeaterModel
+from heatertune.model.model_values import HeaterModel
 from heatertune.options import options_of
-from heatertune.pid.values import Margins, PidDesign
+from heatertune.pid.design_values import Margins, PidDesign
 from heatertune.plc.cpu.one_bit.machine import START, OneBitState, Wiring, assemble, scan
 from heatertune.plc.cpu.one_bit.programs import HEATER, HEATER_NAMES
 from heatertune.plc.open_points import OpenPoint, settings_to_prove

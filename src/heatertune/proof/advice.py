@@ -17,11 +17,11 @@ import numpy as np
 
 from heatertune.arrays import Array
 from heatertune.errors import InputError, NotRepresentable, OutOfRange
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
+from heatertune.model.model_values import FittedModel
 from heatertune.model.outliers import undisturbed_part
-from heatertune.model.values import FittedModel
-from heatertune.pid.document import DesignProvenance
-from heatertune.pid.values import PidDesign, structure_of
+from heatertune.pid.design_document import DesignProvenance
+from heatertune.pid.design_values import PidDesign, structure_of
 from heatertune.plc.design import encode
 from heatertune.processors import ProgressCallback
 from heatertune.proof import Proof, prove
@@ -161,18 +161,18 @@ def observe(
     return replace(seen, symptom=_symptom(seen, tolerance_degC))
 
 
-def _symptom(seen: Response, tolerance_degC: float) -> Symptom:
-    percent = abs(seen.step_degC) / 100.0
-    without = seen.overshoot_pct * percent <= max(_NO_PCT * percent, tolerance_degC)
-    if seen.swings >= _SWINGS and seen.decay is not None and seen.decay >= _HARDLY:
+def _symptom(response: Response, tolerance_degC: float) -> Symptom:
+    percent = abs(response.step_degC) / 100.0
+    without = response.overshoot_pct * percent <= max(_NO_PCT * percent, tolerance_degC)
+    if response.swings >= _SWINGS and response.decay is not None and response.decay >= _HARDLY:
         return Symptom.OSCILLATING
-    if without and seen.distance_degC > _FAR_PCT * percent:
+    if without and response.distance_degC > _FAR_PCT * percent:
         return Symptom.FAR
-    if seen.overshoot_pct * percent > max(_HIGH_PCT * percent, tolerance_degC):
+    if response.overshoot_pct * percent > max(_HIGH_PCT * percent, tolerance_degC):
         return Symptom.OVERSHOOT
-    if without and seen.settled_s > seen.expected_s:
+    if without and response.settled_s > response.expected_s:
         return Symptom.SLOW
-    return Symptom.RESTLESS if seen.swing_degC > tolerance_degC else Symptom.NONE
+    return Symptom.RESTLESS if response.swing_degC > tolerance_degC else Symptom.NONE
 
 
 def _swings(error: Array, least: float) -> Array:

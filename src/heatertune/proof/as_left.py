@@ -19,11 +19,11 @@ from heatertune.arrays import Array
 from heatertune.codec import OrInfinite, register_schema
 from heatertune.commissioned import AsLeftSettings
 from heatertune.errors import InputError
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.model.circumstances import reading_step_degC
 from heatertune.model.cooler_mirror import cools
+from heatertune.model.model_values import FittedModel
 from heatertune.model.outliers import sensor_step
-from heatertune.model.values import FittedModel
 from heatertune.options import merge_options
 from heatertune.plc import Words
 from heatertune.plc.controller import controller_for
@@ -42,8 +42,8 @@ from heatertune.proof.as_left_figures import (
     seen_in,
 )
 from heatertune.proof.criteria import TIME_OF, CriterionView
-from heatertune.proof.document import ProofView
 from heatertune.proof.heaters import labelled_heaters
+from heatertune.proof.proof_document import ProofView
 from heatertune.proof.runs import Runs
 from heatertune.proof.scenario import NewSetpoint, Scenario
 from heatertune.proof.trace import Trace
@@ -201,23 +201,23 @@ def _loaded(parts: Sequence[TracePart]) -> int:
 
 
 def _scenario(
-    known: Sequence[TracePart], parts: TraceParts, proof: ProofView, ambient_degC: float | None
+    sections: Sequence[TracePart], parts: TraceParts, proof: ProofView, ambient_degC: float | None
 ) -> tuple[Scenario, float]:
     """Return what the runs live through, and when in it the trace begins [s]."""
-    first, *later = known
+    first, *later = sections
     scan = proof.sample_time_s
     ambient = proof.scenario.ambient_degC if ambient_degC is None else ambient_degC
     events = [NewSetpoint(time_s=part.begin_s, setpoint_degC=part.setpoint_degC) for part in later]
     plain = replace(proof.scenario, ambient_degC=ambient, disturbances=(), rests_s=())
     if first.kind == "heat-up":
         return replace(plain, setpoint_degC=first.setpoint_degC, start_degC=parts.start_degC,
-                       duration_s=known[-1].end_s + 2.0 * scan, disturbances=tuple(events)), 0.0
+                       duration_s=sections[-1].end_s + 2.0 * scan, disturbances=tuple(events)), 0.0
     # the loop is at rest at another setpoint before the trace begins: there the runs get first, as in the proof
     before = proof.scenario.disturbances[0].time_s if proof.scenario.disturbances else proof.scenario.duration_s
     before = scan * np.ceil(before / scan)
-    moved = [NewSetpoint(time_s=before + max(0.0, part.begin_s), setpoint_degC=part.setpoint_degC) for part in known]
+    moved = [NewSetpoint(time_s=before + max(0.0, part.begin_s), setpoint_degC=part.setpoint_degC) for part in sections]
     return replace(plain, setpoint_degC=first.from_degC, start_degC=None, disturbances=tuple(moved),
-                   duration_s=before + known[-1].end_s + 2.0 * scan), float(before)
+                   duration_s=before + sections[-1].end_s + 2.0 * scan), float(before)
 
 
 AS_LEFT_SCHEMA: Final = "heatertune/as-left/2"
@@ -457,13 +457,13 @@ def _alone(beyond: Array, outside: Sequence[Outside]) -> Iterator[str]:
 
 
 def _measurement(
-    name: str, criterion: CriterionView, seen: TraceMeasurement, at_best: TraceMeasurement, slack_s: float,
+    name: str, criterion: CriterionView, measurement: TraceMeasurement, at_best: TraceMeasurement, slack_s: float,
     before_s: float
 ) -> Measurement:
     """Return a criterion on the trace; before_s: how much longer it may have lasted before the trace began [s]."""
-    value, keeps, as_proven = seen.value, None, None
+    value, keeps, as_proven = measurement.value, None, None
     if value is not None and before_s > 0.0 and criterion.keeps(value) and not criterion.keeps(value + before_s):
-        seen = TraceMeasurement(None, f"{value:.0f} s of the trace, and up to {before_s:.0f} s before it")
+        measurement = TraceMeasurement(None, f"{value:.0f} s of the trace, and up to {before_s:.0f} s before it")
         value = None
     if value is not None:
         best = value if at_best.value is None else at_best.value
@@ -472,7 +472,7 @@ def _measurement(
         as_proven = best >= criterion.value if criterion.bound == ">=" else best <= criterion.value + slack
     return Measurement(
         name=name, unit=criterion.unit, bound=criterion.bound, limit=criterion.limit, worst=criterion.value,
-        measured="never" if value is not None and math.isinf(value) else value, message=seen.note, keeps=keeps,
+        measured="never" if value is not None and math.isinf(value) else value, message=measurement.note, keeps=keeps,
         as_proven=as_proven)
 
 

@@ -15,10 +15,9 @@ import numpy as np
 from heatertune.arrays import Array
 from heatertune.commissioned import AsLeftSettings
 from heatertune.errors import InputError
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.model.circumstances import reading_step_degC
 from heatertune.proof.criteria import CRITERION, TIME_OF, CriterionKind, phases_measured
-from heatertune.proof.document import ProofView
 from heatertune.proof.phase_statistics import (
     PhaseMeasure,
     behind_degC,
@@ -31,6 +30,7 @@ from heatertune.proof.phase_statistics import (
     swing_degC,
     switchings_per_h,
 )
+from heatertune.proof.proof_document import ProofView
 
 __all__ = [
     "LEAST_STEP_DEGC", "LEAVES", "TraceMeasurement", "TracePart", "TraceParts", "begins_mid_way", "begun_mid_way",
@@ -96,12 +96,12 @@ class TraceParts:
                        parts=(replace(first, end_s=first.end_s - later_s), *rest))
 
 
-def parts_of(log: Log, asked: AsLeftSettings, *, setpoint_degC: float, band_degC: float, heats: bool) -> TraceParts:
+def parts_of(log: Log, settings: AsLeftSettings, *, setpoint_degC: float, band_degC: float, heats: bool) -> TraceParts:
     """Return what a trace shows.
 
     Args:
         log: the trace.
-        asked: what its user says of it.
+        settings: what its user says of it.
         setpoint_degC: what is asked for, where neither the user nor the trace says so [°C].
         band_degC: how far from a setpoint is still right [°C].
         heats: whether power heats; it cools otherwise.
@@ -109,9 +109,9 @@ def parts_of(log: Log, asked: AsLeftSettings, *, setpoint_degC: float, band_degC
     Raises:
         InputError: nothing in it can be judged: it begins at its setpoint, or beyond it; an instant outside of it.
     """
-    moves = _moves(log, asked, setpoint_degC)
-    running = _runs(log, moves, band_degC, asked)
-    index, by = _begin(log, moves, asked, band_degC, running=running, heats=heats)
+    moves = _moves(log, settings, setpoint_degC)
+    running = _runs(log, moves, band_degC, settings)
+    index, by = _begin(log, moves, settings, band_degC, running=running, heats=heats)
     before = 0.0 if index == 0 else float(log.time_s[index] - log.time_s[index - 1])
     unsure = before if by in ("setpoint", "power") else _interval_s(log)
     start = float(np.median(log.temperature_degC[max(0, index - _AT_START + 1):index + 1]))
@@ -120,7 +120,7 @@ def parts_of(log: Log, asked: AsLeftSettings, *, setpoint_degC: float, band_degC
     begins = float(log.time_s[index])
     return TraceParts(
         begins_s=begins, begins_by=by, unsure_s=unsure, start_degC=start, step_degC=reading_step_degC(log),
-        parts=tuple(_parts(log, moves, asked, index, start, running=running)), notes=tuple(_doubts(by)))
+        parts=tuple(_parts(log, moves, settings, index, start, running=running)), notes=tuple(_doubts(by)))
 
 
 def leaves_s(time_s: Array, temperature_degC: Array, start_degC: float, end_degC: float, least_degC: float) -> float:
@@ -176,12 +176,12 @@ def _interval_s(log: Log) -> float:
     return float(np.median(np.diff(log.time_s)))
 
 
-def _moves(log: Log, asked: AsLeftSettings, setpoint_degC: float) -> list[tuple[int, float]]:
+def _moves(log: Log, settings: AsLeftSettings, setpoint_degC: float) -> list[tuple[int, float]]:
     """Return the reading from which on each setpoint is asked for [°C], the first from the first one on.
 
     A setpoint that is led to its end, reading by reading, is one move to that end.
     """
-    given = asked.setpoint_degC
+    given = settings.setpoint_degC
     if given is not None or log.setpoint_degC is None:
         return [(0, setpoint_degC if given is None else given)]
     column = log.setpoint_degC
@@ -195,21 +195,21 @@ def _moves(log: Log, asked: AsLeftSettings, setpoint_degC: float) -> list[tuple[
     return moves
 
 
-def _runs(log: Log, moves: list[tuple[int, float]], band_degC: float, asked: AsLeftSettings) -> bool:
+def _runs(log: Log, moves: list[tuple[int, float]], band_degC: float, settings: AsLeftSettings) -> bool:
     """Return whether the loop is at its first setpoint already when another one is asked for."""
-    if len(moves) == 1 or asked.begins_s is not None:
+    if len(moves) == 1 or settings.begins_s is not None:
         return False
     upto = log.temperature_degC[:moves[1][0]]
     return bool(np.all(np.abs(upto - moves[0][1]) <= band_degC))
 
 
 def _begin(
-    log: Log, moves: list[tuple[int, float]], asked: AsLeftSettings, band_degC: float, *, running: bool, heats: bool
+    log: Log, moves: list[tuple[int, float]], settings: AsLeftSettings, band_degC: float, *, running: bool, heats: bool
 ) -> tuple[int, str]:
     """Return the reading with which the first part begins, and how that is known."""
-    if asked.begins_s is not None:
-        _demand_inside(log, "begins-at", asked.begins_s)
-        return int(np.searchsorted(log.time_s, asked.begins_s)), "told"
+    if settings.begins_s is not None:
+        _demand_inside(log, "begins-at", settings.begins_s)
+        return int(np.searchsorted(log.time_s, settings.begins_s)), "told"
     sign = 1.0 if heats else -1.0
     if running:
         return moves[1][0], "setpoint"
@@ -245,18 +245,18 @@ def _demand_inside(log: Log, name: str, instant_s: float) -> None:
 
 
 def _parts(
-    log: Log, moves: list[tuple[int, float]], asked: AsLeftSettings, index: int, start_degC: float, *, running: bool
+    log: Log, moves: list[tuple[int, float]], settings: AsLeftSettings, index: int, start_degC: float, *, running: bool
 ) -> Iterator[TracePart]:
     begins, end = float(log.time_s[index]), float(log.time_s[-1])
     before = [value for at, value in moves if at <= index]
     events = [("change" if running else "heat-up", begins, before[-1])]
     events += [("change", float(log.time_s[at]), value) for at, value in moves if at > index]
-    if asked.load_at_s is not None:
-        _demand_inside(log, "load-at", asked.load_at_s)
-        if asked.load_at_s <= begins:
-            raise InputError(f"--load-at = {asked.load_at_s:g} s: the heat-up of {log.name} begins at {begins:g} s")
-        asked_then = [value for _, at, value in sorted(events, key=lambda event: event[1]) if at <= asked.load_at_s]
-        events.append(("recovery", asked.load_at_s, asked_then[-1]))
+    if settings.load_at_s is not None:
+        _demand_inside(log, "load-at", settings.load_at_s)
+        if settings.load_at_s <= begins:
+            raise InputError(f"--load-at = {settings.load_at_s:g} s: the heat-up of {log.name} begins at {begins:g} s")
+        asked_then = [value for _, at, value in sorted(events, key=lambda event: event[1]) if at <= settings.load_at_s]
+        events.append(("recovery", settings.load_at_s, asked_then[-1]))
     events.sort(key=lambda event: event[1])
     last = before[-2] if running else start_degC
     for number, (kind, instant, value) in enumerate(events):
@@ -447,13 +447,13 @@ def _course(log: Log, parts: TraceParts, part: TracePart, forgiven_degC: float) 
                    power_pct=None if log.power_pct is None else log.power_pct[inside])
 
 
-def _worst(found: Iterable[TraceMeasurement]) -> TraceMeasurement:
-    seen = list(found)
+def _worst(measurements: Iterable[TraceMeasurement]) -> TraceMeasurement:
+    seen = list(measurements)
     known = [one for one in seen if one.value is not None]
     unknown = [one for one in seen if one.value is None]
     if not known:
         return unknown[0]
-    return max(known, key=lambda one: one.value if one.value is not None else 0.0)
+    return max(known, key=lambda entry: entry.value if entry.value is not None else 0.0)
 
 
 def _beyond(course: _PartReadings, ruler: _Ruler) -> float:

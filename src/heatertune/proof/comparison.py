@@ -12,11 +12,11 @@ from functools import partial
 from typing import Any
 
 from heatertune.errors import NotRepresentable
-from heatertune.model.values import FittedModel, Fopdt, model_by_hand
-from heatertune.pid.document import DesignProvenance
+from heatertune.model.model_values import FittedModel, Fopdt, model_by_hand
+from heatertune.pid.design_document import DesignProvenance
+from heatertune.pid.design_values import PidDesign
 from heatertune.pid.sampled_loop import margins
 from heatertune.pid.search.feasible import Problem, search
-from heatertune.pid.values import PidDesign
 from heatertune.plc import TARGETS, Scaling, Words, controller_for
 from heatertune.plc.controller import with_cooling
 from heatertune.plc.design import encode, tune
@@ -33,9 +33,9 @@ from heatertune.proof import (
     simulate,
     simulate_wish,
 )
-from heatertune.proof.document import PaperRunView, PaperView, RivalView, SeriesView
 from heatertune.proof.heaters import holding_heaters, labelled_heaters
 from heatertune.proof.pictures import trace_series
+from heatertune.proof.proof_document import PaperRunView, PaperView, RivalView, SeriesView
 from heatertune.proof.prove_words import actuator_for, setpoints_for
 from heatertune.proof.repetition import apply_provenance
 from heatertune.settings import Conditions
@@ -50,7 +50,7 @@ _NAMES = ("overshoot", "settling_time", "steady_offset", "recovery_time", "iae")
 
 
 def compare(
-    wished: PidDesign, fitted: FittedModel, conditions: Conditions | None = None, *, scaling: Scaling | None = None,
+    ideal: PidDesign, fitted: FittedModel, conditions: Conditions | None = None, *, scaling: Scaling | None = None,
     recipe: DesignProvenance | None = None, first_look: bool = False, progress: ProgressCallback = str,
 ) -> dict[str, Any]:
     """Return the document of one design on all targets, on the model that fits best.
@@ -60,7 +60,7 @@ def compare(
     the first difference is the price of the words, the second that of the controller's arithmetic and order.
 
     Args:
-        wished: the design.
+        ideal: the design.
         fitted: the heater and its candidates.
         conditions: of the proofs.
         scaling: sensor range.
@@ -75,7 +75,7 @@ def compare(
     for number, target in enumerate(TARGETS, 1):
         progress(f"proving the parameters of {target} ({number} of {len(TARGETS)})")
         its = asked if recipe is None or recipe.target == target else replace(asked, switches={})
-        rows.append(_row(target, wished, scaling, recipe, partial(prove, fitted=fitted, conditions=its,
+        rows.append(_row(target, ideal, scaling, recipe, partial(prove, fitted=fitted, conditions=its,
                                                                   first_look=first_look)))
     label, model = labelled_heaters(fitted)[0]
     setpoint, _ = setpoints_for(fitted, asked)
@@ -84,21 +84,21 @@ def compare(
 
 
 def _row(
-    target: str, wished: PidDesign, scaling: Scaling | None, recipe: DesignProvenance | None,
+    target: str, ideal_design: PidDesign, scaling: Scaling | None, recipe: DesignProvenance | None,
     proven: Callable[[Words], Proof]
 ) -> dict[str, Any]:
     controller = controller_for(target)
     row: dict[str, Any] = {"target": target, "title": controller.title}
     if controller.timer.shortest_s == controller.timer.longest_s:
-        wished = replace(wished, sample_time_s=controller.timer.shortest_s)
-        row["sample_time_s"] = wished.sample_time_s
+        ideal_design = replace(ideal_design, sample_time_s=controller.timer.shortest_s)
+        row["sample_time_s"] = ideal_design.sample_time_s
     try:
-        words = apply_provenance(encode(wished, target, scaling=scaling), recipe)
+        words = apply_provenance(encode(ideal_design, target, scaling=scaling), recipe)
     except NotRepresentable as problem:
         return row | {"verdict": "not representable", "why": str(problem)}
     proof = proven(words)
     nominal = proof.nominal
-    same = replace(wished, derivative_filter=_filter(proof))
+    same = replace(ideal_design, derivative_filter=_filter(proof))
     ideal = partial(simulate_wish, model=nominal.model, scenario=nominal.scenario, actuator=nominal.actuator,
                     limits=proof.limits)
     wish = ideal(same)
@@ -138,7 +138,7 @@ PAPER_RUNS: dict[str, dict[str, Any]] = {
 }
 
 
-def rivals(fitted: FittedModel, wished: PidDesign, proof: Proof) -> tuple[RivalView, ...]:
+def rivals(fitted: FittedModel, ideal: PidDesign, proof: Proof) -> tuple[RivalView, ...]:
     """Return how other designs fare in the same proof: rules on the best single-lag model alone, two-level control."""
     alone, target = best_single_lag(fitted), proof.words.target
     heater = f"{alone.gain_degC_per_pct:.3g} °C/%, {written(alone.lags_s[0], 3)} s, {written(alone.dead_time_s, 3)} s"
@@ -148,7 +148,7 @@ def rivals(fitted: FittedModel, wished: PidDesign, proof: Proof) -> tuple[RivalV
                         integral_time_s=design.integral_time_s) for label, design in ruled]
     baseline = controller_for(target).baseline
     if baseline is not None:
-        compared.append(_rival("two-level control, ±0.5 °C", wished, baseline, fitted, proof))
+        compared.append(_rival("two-level control, ±0.5 °C", ideal, baseline, fitted, proof))
     return tuple(compared)
 
 
@@ -173,21 +173,21 @@ def _rival(label: str, design: PidDesign, target: str, fitted: FittedModel, proo
     return RivalView(label=label, verdict=proven.verdict, ms=ms, fails=proven.shortfalls)
 
 
-def price_of_doubt(fitted: FittedModel, wished: PidDesign) -> str | None:
+def price_of_doubt(fitted: FittedModel, ideal: PidDesign) -> str | None:
     """Return what the best-fitting candidate alone would have allowed; None where it is alone, or without an I part."""
     models = labelled_heaters(fitted)
-    if len(models) == 1 or wished.margins is None or math.isinf(wished.integral_time_s + wished.margins.ms):
+    if len(models) == 1 or ideal.margins is None or math.isinf(ideal.integral_time_s + ideal.margins.ms):
         return None
     (label, best) = models[0]
-    ms, ta = wished.margins.ms, wished.sample_time_s
-    sign = math.copysign(1.0, wished.gain_pct_per_degC)  # a cooler's mirror image is searched
+    ms, ta = ideal.margins.ms, ideal.sample_time_s
+    sign = math.copysign(1.0, ideal.gain_pct_per_degC)  # a cooler's mirror image is searched
     alone = Problem(plants=(replace(best, gain_degC_per_pct=abs(best.gain_degC_per_pct)),),
-                    structure=wished.structure, ms=ms, sample_time_s=ta)
-    optimum, own = search(alone), replace(wished, gain_pct_per_degC=abs(wished.gain_pct_per_degC))
+                    structure=ideal.structure, ms=ms, sample_time_s=ta)
+    optimum, own = search(alone), replace(ideal, gain_pct_per_degC=abs(ideal.gain_pct_per_degC))
     return (
         f"On {label} alone the same Ms would allow K = {sign * optimum.gain_pct_per_degC:.3g} %/°C and TN = "
-        f"{written(optimum.integral_time_s, 3)} s instead of {wished.gain_pct_per_degC:.3g} %/°C and "
-        f"{written(wished.integral_time_s, 3)} s, and a load disturbance would cost "
+        f"{written(optimum.integral_time_s, 3)} s instead of {ideal.gain_pct_per_degC:.3g} %/°C and "
+        f"{written(ideal.integral_time_s, 3)} s, and a load disturbance would cost "
         f"{alone.cost(optimum) / alone.cost(own):.2f} times the IAE: that is the price of what the log leaves open."
     )
 

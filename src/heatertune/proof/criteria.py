@@ -17,7 +17,7 @@ import numpy as np
 from heatertune.arrays import Array
 from heatertune.codec import LEFT_OUT, OrInfinite, construct_from, encode
 from heatertune.errors import UnknownName
-from heatertune.pid.values import Margins
+from heatertune.pid.design_values import Margins
 from heatertune.plc.pwm import INSTANT_S
 from heatertune.proof.meter import COLUMNS, TOTALS, Meter
 from heatertune.proof.phase_statistics import (
@@ -132,8 +132,8 @@ def _keeps(value: float, limit: float | None, *, at_least: bool) -> bool:
 
 def worst_of(same: Iterable[Criterion]) -> Criterion:
     """Return the one that strains its limit most; without limits the one whose value is worst, no number before all."""
-    def badness(one: Criterion) -> tuple[bool, float, float]:
-        return math.isnan(one.value), one.strain, -one.value if one.at_least else one.value
+    def badness(item: Criterion) -> tuple[bool, float, float]:
+        return math.isnan(item.value), item.strain, -item.value if item.at_least else item.value
 
     return max(same, key=badness)
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 
-from heatertune.model.values import FittedModel
-from heatertune.pid.document import DesignProvenance
-from heatertune.pid.values import PidDesign
+from heatertune.model.model_values import FittedModel
+from heatertune.pid.design_document import DesignProvenance
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Scaling, Words, controller_for
 from heatertune.plc.controller import with_cooling
 from heatertune.plc.design import tune
@@ -134,7 +134,7 @@ class DesignResult:
 
 
 def plainly(
-    fitted: FittedModel, request: DesignRequest, *, made: Candidate | None = None, plain: Proof | None = None,
+    fitted: FittedModel, request: DesignRequest, *, candidate: Candidate | None = None, plain: Proof | None = None,
     text: bool = True,
     progress: ProgressCallback = str, stage: ProgressCallback = str,
 ) -> DesignResult:
@@ -143,13 +143,13 @@ def plainly(
     Args:
         fitted: the heater and its candidates.
         request: what for.
-        made: the design and its words, where they are made already.
+        candidate: the design and its words, where they are made already.
         plain: their proof without a ramp, where there is one already.
         text: whether the exported text is run, too, see `heatertune.proof.text_comparison.as_exported`.
         progress: told what begins.
         stage: told "design", "words" and "proof".
     """
-    wished, choice = made_for(fitted, request, progress, stage) if made is None else made
+    wished, choice = made_for(fitted, request, progress, stage) if candidate is None else candidate
     conditions = request.conditions
     if request.switch_kind is not None:
         wished, conditions = with_pwm(wished, fitted, request.switch_kind, conditions, words=choice.words)

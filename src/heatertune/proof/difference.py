@@ -13,13 +13,13 @@ from typing import Any, Final, Literal, NamedTuple
 
 from heatertune.codec import Document, data_folder, existing_path, peek_schema, read_document, register_schema
 from heatertune.errors import DocumentError, ExportRefused, InputError
-from heatertune.pid.document import SCHEMA as DESIGN_SCHEMA
-from heatertune.pid.document import read_design
+from heatertune.pid.design_document import SCHEMA as DESIGN_SCHEMA
+from heatertune.pid.design_document import read_design
 from heatertune.plc import Controller, Scaling, Words, controller_for
 from heatertune.plc.dump_reader import content_of, read_machine, realised_design
 from heatertune.plc.inputs import describe_range
 from heatertune.plc.keyed_entry import typed_words
-from heatertune.proof.document import check_document
+from heatertune.proof.proof_document import check_document
 from heatertune.proof.verdict import PROOF_SCHEMA
 from heatertune.proof.words_file import WORDS_SCHEMA, demand_same_words, read_words
 
@@ -214,23 +214,23 @@ class _Term(NamedTuple):
     b: float | None
 
 
-def read_sides(first: str | Path, second: str | Path, given: DeclaredWords) -> tuple[Side, Side]:
+def read_sides(first: str | Path, second: str | Path, declared: DeclaredWords) -> tuple[Side, Side]:
     """Return two word sets; what one does not tell is as the user says, else as in the other.
 
     Args:
         first: a folder with words.json, a words.json, a pid.json, or a dump or text of a controller.
         second: likewise.
-        given: what the user says.
+        declared: what the user says.
 
     Raises:
         InputError: a file that is none of them or cannot be read; a target or interval that nobody tells.
         NotRepresentable, OutOfRange: words that the controller does not allow, a design that does not fit its words.
     """
-    a, b = (_document(Path(path), given.target) for path in (first, second))
+    a, b = (_document(Path(path), declared.target) for path in (first, second))
     if a is None and b is None and _is_json(Path(second)):  # a design tells its interval, a dump does not
-        b = _made(str(second), given, None)
-    a = _made(str(first), given, b) if a is None else a
-    return a, _made(str(second), given, a) if b is None else b
+        b = _made(str(second), declared, None)
+    a = _made(str(first), declared, b) if a is None else a
+    return a, _made(str(second), declared, a) if b is None else b
 
 
 def _document(path: Path, target: str | None) -> Side | None:
@@ -263,12 +263,12 @@ def _proof_beside(file: Path, document: Document) -> tuple[Document | None, tupl
     return proof, ()
 
 
-def _made(path: str, given: DeclaredWords, other: Side | None) -> Side:
+def _made(path: str, declared: DeclaredWords, opposite: Side | None) -> Side:
     """Return words that a design becomes or a machine holds."""
-    return _designed(path, given, other) if _is_json(Path(path)) else _dumped(path, given, other)
+    return _designed(path, declared, opposite) if _is_json(Path(path)) else _dumped(path, declared, opposite)
 
 
-def _designed(path: str, given: DeclaredWords, other: Side | None) -> Side:
+def _designed(path: str, declared: DeclaredWords, opposite: Side | None) -> Side:
     """Return the words of a design: as its own recipe makes them, where it has one and the user says nothing else."""
     schema = peek_schema(path)
     if schema != DESIGN_SCHEMA:
@@ -276,25 +276,25 @@ def _designed(path: str, given: DeclaredWords, other: Side | None) -> Side:
     from heatertune.proof.repetition import apply_provenance, made_again
 
     design, model, recipe = read_design(path)
-    is_own = recipe is not None and given.target in (None, recipe.target) and not given.scales
+    is_own = recipe is not None and declared.target in (None, recipe.target) and not declared.scales
     if is_own and model is not None and recipe is not None:
         return Side(source=path, kind="design", words=made_again(design, model, recipe).words)
-    controller, scaling, taken_over = _whose(path, given, other)
+    controller, scaling, taken_over = _whose(path, declared, opposite)
     words = apply_provenance(controller.encode(design, scaling), recipe)
     return Side(source=path, kind="design", words=words, taken_over=taken_over)
 
 
-def _dumped(path: str, given: DeclaredWords, other: Side | None) -> Side:
+def _dumped(path: str, declared: DeclaredWords, opposite: Side | None) -> Side:
     """Return the words in a dump or text, with the other set's interval and ramp where it does not tell them."""
-    controller, scaling, taken_over = _whose(path, given, other)
-    interval = given.sample_time_s
-    if interval is None and other is not None and controller.interval_s is None:
-        interval = other.words.sample_time_s
+    controller, scaling, taken_over = _whose(path, declared, opposite)
+    interval = declared.sample_time_s
+    if interval is None and opposite is not None and controller.interval_s is None:
+        interval = opposite.words.sample_time_s
         taken_over += (f"call interval {interval:g} s",)
-    same = other if other is not None and other.words.target == controller.name else None
+    same = opposite if opposite is not None and opposite.words.target == controller.name else None
     proven = {} if same is None or same.proof is None else same.proof["stated_settings"]
     read = read_machine(controller, content_of(path), sample_time_s=interval, scaling=scaling, source=path,
-                        known={**proven, **given.switches})
+                        stated={**proven, **declared.switches})
     words = read.words
     if same is not None:
         words = replace(words, ramp=same.words.ramp, boost=same.words.boost)
@@ -309,15 +309,15 @@ def _dumped(path: str, given: DeclaredWords, other: Side | None) -> Side:
                 is_changed=bool(unlike))
 
 
-def _whose(path: str, given: DeclaredWords, other: Side | None) -> tuple[Controller, Scaling, tuple[str, ...]]:
+def _whose(path: str, declared: DeclaredWords, opposite: Side | None) -> tuple[Controller, Scaling, tuple[str, ...]]:
     """Return the controller and sensor range of words that do not tell them, and what was taken over of the other's."""
-    target = given.target or (None if other is None else other.words.target)
+    target = declared.target or (None if opposite is None else opposite.words.target)
     if target is None:
         raise InputError(f"{path}: --target is needed: neither file names the controller")
     its = controller_for(target)
-    if given.scales or other is None:
-        return its, its.scaled(given.input, given.sensor_degC), ()
-    scaling = other.words.scaling
+    if declared.scales or opposite is None:
+        return its, its.scaled(declared.input, declared.sensor_degC), ()
+    scaling = opposite.words.scaling
     return its, scaling, (f"sensor range {describe_range(scaling)}",)
 
 
@@ -411,20 +411,20 @@ def _around(a: Side, b: Side) -> Iterator[tuple[str, object, object]]:
     yield "boost", a.words.boost, b.words.boost
 
 
-def _covers(proven: Side, other: Side) -> dict[str, Any]:
+def _covers(proven: Side, side: Side) -> dict[str, Any]:
     """Return whether a proof is of the other's words, why not, and what is not known of these."""
     assert proven.proof is not None
-    why = [name for name, one, two in _around(proven, other) if one != two]
-    why += ["program around the words"] if other.is_changed else []
-    why += [f"word {word['name']}" for word in _words(proven, other) if not word["written"]]
+    why = [name for name, one, two in _around(proven, side) if one != two]
+    why += ["program around the words"] if side.is_changed else []
+    why += [f"word {word['name']}" for word in _words(proven, side) if not word["written"]]
     return {
-        "proof_of": proven.source, "verdict": proven.proof["verdict"], "words_of": other.source, "covers": not why,
-        "why_not": why, "provided": [] if why else list(other.taken_over),
+        "proof_of": proven.source, "verdict": proven.proof["verdict"], "words_of": side.source, "covers": not why,
+        "why_not": why, "provided": [] if why else list(side.taken_over),
     }
 
 
-def _conditions(one: Mapping[str, Any], two: Mapping[str, Any]) -> list[str]:
+def _conditions(document: Mapping[str, Any], two: Mapping[str, Any]) -> list[str]:
     """Return under what two proofs were not made alike; empty: under the same."""
-    unlike = [meaning for name, meaning in _CONDITIONS.items() if one[name] != two[name]]
-    models = [{run["model"] for run in proof["runs"]} for proof in (one, two)]
+    unlike = [meaning for name, meaning in _CONDITIONS.items() if document[name] != two[name]]
+    models = [{run["model"] for run in proof["runs"]} for proof in (document, two)]
     return [*unlike, *(["the plausible heaters"] if models[0] != models[1] else [])]

@@ -80,33 +80,33 @@ def moves(program: SetpointProgram, calls: int) -> bool:
     return program.ramp_calls > 0 and (calls + 1) % program.ramp_calls == 0
 
 
-def asked_now(program: SetpointProgram, asked: Any, first: bool, due: bool, word: Any, reading: Any) -> Any:
+def asked_now(program: SetpointProgram, target: Any, first: bool, due: bool, word: Any, reading: Any) -> Any:
     """Return the setpoint word for a call of the controller.
 
     Args:
         program: around it.
-        asked: setpoint of the phase.
+        target: setpoint of the phase.
         first: whether it is the first call since the start-up.
         due: whether the ramp makes a step, see `moves`.
         word: of the call before.
         reading: at this call.
     """
     if program.ramp_calls == 0:
-        return asked
+        return target
     word = reading if first else word
     hold, cools = program.ramp_hold, program.ramp_hold < 0
     if cools:
-        hold, word, asked, reading = -hold, -word, -asked, -reading
-    lowest = asked
-    if hold > 0 and setpoint_word(reading - hold) > asked:
+        hold, word, target, reading = -hold, -word, -target, -reading
+    lowest = target
+    if hold > 0 and setpoint_word(reading - hold) > target:
         lowest = setpoint_word(reading - hold)
     if due:
-        if word < asked:
-            word = min(setpoint_word(word + program.ramp_step), asked)
+        if word < target:
+            word = min(setpoint_word(word + program.ramp_step), target)
         elif word > lowest:
             word = max(setpoint_word(word - program.ramp_step), lowest)
-        elif not word > asked:  # also what is no number
-            word = asked
+        elif not word > target:  # also what is no number
+            word = target
     if hold > 0 and word > setpoint_word(reading + hold):
         word = setpoint_word(reading + hold)
     return -word if cools else word
@@ -519,54 +519,54 @@ def _begin(meter: Meter, start: float) -> tuple[PhaseStats, SteadyStateStats]:
 
 
 def measure_interval(
-    meter: Meter, seen: PhaseStats, rest: SteadyStateStats, plant: Plant, before: Flow, after: Flow
+    meter: Meter, stats: PhaseStats, rest: SteadyStateStats, plant: Plant, before: Flow, after: Flow
 ) -> tuple[PhaseStats, SteadyStateStats]:
     """Measure the time between two instants, up to the turn and from it on where there is one.
 
     Args:
         meter: what is measured.
-        seen: the phase so far.
+        stats: the phase so far.
         rest: the rest so far.
         plant: the heater.
         before: at the stretch's begin.
         after: at its end.
     """
     if not meter.measures:
-        return seen, rest
+        return stats, rest
     turned = turn(before, after, plant)
     if before.now < turned < after.now:
         top = advance_heater(before, turned, factors(turned - before.now, plant))
-        seen = seen_on(meter, seen, plant, before, top)
-        rest = update_rest(meter, seen.phase, rest, plant, before, top) if rest.lasts else rest
+        stats = seen_on(meter, stats, plant, before, top)
+        rest = update_rest(meter, stats.phase, rest, plant, before, top) if rest.lasts else rest
         before = top
-    seen = seen_on(meter, seen, plant, before, after)
-    return seen, update_rest(meter, seen.phase, rest, plant, before, after) if rest.lasts else rest
+    stats = seen_on(meter, stats, plant, before, after)
+    return stats, update_rest(meter, stats.phase, rest, plant, before, after) if rest.lasts else rest
 
 
-def end_phase(meter: Meter, seen: PhaseStats, rest: SteadyStateStats, flow: Flow, kind: int) -> tuple[PhaseStats,
+def end_phase(meter: Meter, stats: PhaseStats, rest: SteadyStateStats, flow: Flow, kind: int) -> tuple[PhaseStats,
                                                                                                       SteadyStateStats]:
     """End a phase and begin the next one, or begin the rest, where an event does so.
 
     Args:
         meter: what is measured.
-        seen: the phase so far.
+        stats: the phase so far.
         rest: the rest so far.
         flow: the heater.
         kind: of the event.
     """
     if not meter.measures:
-        return seen, rest
+        return stats, rest
     if kind == REST:
-        return seen, rest_begins(meter, seen.phase, flow.now, flow.y - meter.setpoints[seen.phase])
+        return stats, rest_begins(meter, stats.phase, flow.now, flow.y - meter.setpoints[stats.phase])
     if _begins_phase(kind):
-        rest, phase = close(meter, seen, rest), seen.phase + 1
+        rest, phase = close(meter, stats, rest), stats.phase + 1
         return begin(meter, phase, flow.now, flow.y - meter.setpoints[phase]), rest
-    return seen, rest
+    return stats, rest
 
 
-def _end(meter: Meter, seen: PhaseStats, rest: SteadyStateStats, edges: Places, switched: int, end: float) -> None:
+def _end(meter: Meter, stats: PhaseStats, rest: SteadyStateStats, edges: Places, switched: int, end: float) -> None:
     """Write down the last phase, and how often the heater was switched on until the end."""
     if not meter.measures:
         return
-    close(meter, seen, rest)
+    close(meter, stats, rest)
     meter.totals[SWITCHINGS] = float(times_on(edges, switched, end))

@@ -9,9 +9,9 @@ import numpy as np
 
 from heatertune.arrays import Array
 from heatertune.errors import OutOfRange
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
+from heatertune.model.model_values import FittedModel
 from heatertune.model.statistics import fit_pct
-from heatertune.model.values import FittedModel
 from heatertune.plc import Controller, Words, controller_for
 from heatertune.plc.open_points import settings_to_prove
 from heatertune.plc.replay import powers
@@ -56,7 +56,7 @@ class ConfiguredController:
         return np.array(powers(self.controller, self.words, temperatures, setpoints, self.switches))
 
 
-def controllers(words: Words, known: Mapping[str, str] | None = None) -> list[ConfiguredController]:
+def controllers(words: Words, stated: Mapping[str, str] | None = None) -> list[ConfiguredController]:
     """Return the words' controller under every setting of its open points, but for those that are known.
 
     Raises:
@@ -65,7 +65,7 @@ def controllers(words: Words, known: Mapping[str, str] | None = None) -> list[Co
     controller = controller_for(words.target)
     return [
         ConfiguredController(controller=controller, words=words, switches=switches)
-        for switches in settings_to_prove(controller.switches, known)
+        for switches in settings_to_prove(controller.switches, stated)
     ]
 
 

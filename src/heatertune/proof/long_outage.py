@@ -19,8 +19,8 @@ from typing import Final, NamedTuple
 
 from heatertune.heater.exact import time_to, unit_step_response
 from heatertune.model.findings import Finding
-from heatertune.model.values import HeaterModel
-from heatertune.pid.values import PidDesign
+from heatertune.model.model_values import HeaterModel
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc.controller import Controller
 from heatertune.plc.words import Words
 from heatertune.proof.criteria import Criterion, names_of
@@ -335,7 +335,7 @@ class LongOutage(NamedTuple):
         return self._worst(criteria).strain
 
     def _worst(self, criteria: Iterable[Criterion]) -> Criterion:
-        return max((each for each in criteria if each.name in JUDGED[self.name]), key=lambda each: each.strain)
+        return max((each for each in criteria if each.name in JUDGED[self.name]), key=lambda entry: entry.strain)
 
 
 def nights_of(
@@ -361,7 +361,7 @@ def nights_of(
               for number, (event, closed) in enumerate(pairwise(scenario.disturbances))
               if isinstance(event, Mains) and isinstance(closed, Mains) and event.share == 0.0 < closed.share}
     if opened:
-        number = max(opened, key=lambda one: opened[one])
+        number = max(opened, key=lambda entry: opened[entry])
         yield from _opened(scenario, models, number, opened, brief_s, lower_s)
         if again and brief_s and scenario.rests_s:
             yield from _under_load(scenario, number, brief_s)

@@ -13,7 +13,7 @@ from heatertune.arrays import Array
 from heatertune.compiled import bound, compile_function, worth_compiling
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.loss_curve import loss_numbers
-from heatertune.model.values import HeaterModel
+from heatertune.model.model_values import HeaterModel
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import StepFunctions
 from heatertune.plc.open_points import settings_of
@@ -270,18 +270,18 @@ def _criteria(measured: CriterionTable, limits: LoopLimits) -> tuple[Criterion, 
     return tuple(criterion for column in columns_of(measured, limits) for criterion in column.criteria([""]))
 
 
-def run_with(controller: LoopController, given: tuple[Any, ...], scans: int, *, ahead: int = 0) -> tuple[int, int]:
-    """Run the kernel with a controller, compiled where that pays; `given` is what `run_all` takes from the program on.
+def run_with(controller: LoopController, arguments: tuple[Any, ...], scans: int, *, ahead: int = 0) -> tuple[int, int]:
+    """Run the kernel with a controller, compiled where that pays; `arguments`: of `run_all` from the program on.
 
     `scans` tells how much work it is, `ahead` how much more of it is sure to follow.
     """
     core = controller.core
-    given = (controller.parameters, core.own(controller.state), controller.sensor, controller.scan_s, *given)
-    loss = _runs_with_loss(given)
+    arguments = (controller.parameters, core.own(controller.state), controller.sensor, controller.scan_s, *arguments)
+    loss = _runs_with_loss(arguments)
     name = f"{core.step.__module__}.{core.step.__qualname__}{' with a loss curve' if loss else ''}"
     if core.compiles and worth_compiling(scans, name, function=run_of(core, loss=loss), ahead=ahead):
-        return run_compiled(core, given)
-    return run_plainly(core, given)
+        return run_compiled(core, arguments)
+    return run_plainly(core, arguments)
 
 
 def run_of(core: StepFunctions, *, loss: bool = False) -> Callable[..., tuple[int, int]]:
@@ -302,15 +302,15 @@ def _runs_with_loss(arguments: tuple[Any, ...]) -> bool:
     return any(have_loss(each.plants) for each in arguments if isinstance(each, LoopBatch))
 
 
-def run_compiled(core: StepFunctions, given: tuple[Any, ...]) -> tuple[int, int]:
-    """Run the kernel as machine code, compiled where it is not yet; `given` are all of `run_all`'s arguments."""
+def run_compiled(core: StepFunctions, arguments: tuple[Any, ...]) -> tuple[int, int]:
+    """Run the kernel as machine code, compiled where it is not yet; `arguments` are all of `run_all`'s arguments."""
     if core.singles:
-        parameters, state, sensor, scan_s, program, *others = given
-        given = to_single(parameters), to_single(state), sensor, scan_s, to_single(program), *others
-    return compile_function(run_of(core, loss=_runs_with_loss(given)))(*given)
+        parameters, state, sensor, scan_s, program, *others = arguments
+        arguments = to_single(parameters), to_single(state), sensor, scan_s, to_single(program), *others
+    return compile_function(run_of(core, loss=_runs_with_loss(arguments)))(*arguments)
 
 
-def run_plainly(core: StepFunctions, given: tuple[Any, ...]) -> tuple[int, int]:
+def run_plainly(core: StepFunctions, arguments: tuple[Any, ...]) -> tuple[int, int]:
     """Run the kernel as plain Python; lists in place of arrays, as their numbers are Python's own."""
     lists: list[tuple[Any, Any]] = []
 
@@ -321,13 +321,13 @@ def run_plainly(core: StepFunctions, given: tuple[Any, ...]) -> tuple[int, int]:
         return type(value)(*map(plain, value)) if isinstance(value, SetpointProgram | LoopBatch | TraceArrays
                                                              | Meter) else value
 
-    counted = run_of(core, loss=_runs_with_loss(given))(*map(plain, given))
+    counted = run_of(core, loss=_runs_with_loss(arguments))(*map(plain, arguments))
     for array, written in lists:
         array[:] = written
     return counted
 
 
-def actuator_of(controller: LoopController, given: Actuator | None) -> Actuator:
+def actuator_of(controller: LoopController, actuator: Actuator | None) -> Actuator:
     """Return the switch: the controller's own PWM, else the one given.
 
     Raises:
@@ -336,9 +336,9 @@ def actuator_of(controller: LoopController, given: Actuator | None) -> Actuator:
     if controller.pwm_period_s is not None:
         period = controller.pwm_period_s
         return Actuator(pwm_period_s=period, resolution_s=min(_PLC_RESOLUTION_S, period))
-    if given is None:
+    if actuator is None:
         raise InputError("this controller does not make the PWM itself: give an actuator with its PWM period")
-    return given
+    return actuator
 
 
 def plant_row(model: HeaterModel, scenario: Scenario) -> list[float]:

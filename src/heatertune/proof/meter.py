@@ -128,29 +128,29 @@ def begin(meter: Meter, phase: int, time: float, error: float) -> PhaseStats:
     return PhaseStats(phase, error, error, 0.0, abs(error) > meter.band, time, _lag(meter, phase, time, error))
 
 
-def seen_on(meter: Meter, seen: PhaseStats, plant: Plant, before: Flow, after: Flow) -> PhaseStats:
+def seen_on(meter: Meter, stats: PhaseStats, plant: Plant, before: Flow, after: Flow) -> PhaseStats:
     """Return the phase after a stretch on which the temperature does not turn.
 
     Args:
         meter: what is measured.
-        seen: the phase so far.
+        stats: the phase so far.
         plant: the heater.
         before: at the stretch's begin.
         after: at its end.
     """
-    setpoint = meter.setpoints[seen.phase]
-    lag = _lag(meter, seen.phase, after.now, after.y - setpoint)
-    return seen_from(seen, setpoint, meter.band, lag, plant, before, after, True, True)
+    setpoint = meter.setpoints[stats.phase]
+    lag = _lag(meter, stats.phase, after.now, after.y - setpoint)
+    return seen_from(stats, setpoint, meter.band, lag, plant, before, after, True, True)
 
 
 def seen_from(  # noqa: PLR0913 - what may be left out is told part by part
-    seen: PhaseStats, setpoint: float, band: float, lag: float, plant: Plant, before: Flow, after: Flow, crosses: bool,
+    stats: PhaseStats, setpoint: float, band: float, lag: float, plant: Plant, before: Flow, after: Flow, crosses: bool,
     settles: bool,
 ) -> PhaseStats:
     """Return the phase after a stretch, see `seen_on`.
 
     Args:
-        seen: the phase so far.
+        stats: the phase so far.
         setpoint: of the phase [°C].
         band: how far from it is still right [°C].
         lag: distance from a setpoint that moves [°C].
@@ -160,20 +160,20 @@ def seen_from(  # noqa: PLR0913 - what may be left out is told part by part
         crosses: whether it may be one that goes `through` the setpoint.
         settles: whether it may be one of `settling`.
     """
-    settled = seen.settled
-    if settles and settling_time(seen, setpoint, band, after):
+    settled = stats.settled
+    if settles and settling_time(stats, setpoint, band, after):
         settled = level_crossing(before, after, setpoint + math.copysign(band, before.y - setpoint), plant).now
     absolute = _absolute(setpoint, plant, before, after) if crosses else abs(integral(setpoint, plant, before, after))
-    return seen_with(seen, setpoint, band, lag, after.y, settled, absolute)
+    return seen_with(stats, setpoint, band, lag, after.y, settled, absolute)
 
 
 def seen_with(
-    seen: PhaseStats, setpoint: float, band: float, lag: float, y: float, settled: float, absolute: float
+    stats: PhaseStats, setpoint: float, band: float, lag: float, y: float, settled: float, absolute: float
 ) -> PhaseStats:
     """Return the phase after a stretch of which is known what has to be searched for, see `seen_from`.
 
     Args:
-        seen: the phase so far.
+        stats: the phase so far.
         setpoint: of the phase [°C].
         band: how far from it is still right [°C].
         lag: distance from a setpoint that moves [°C].
@@ -182,8 +182,8 @@ def seen_with(
         absolute: ∫|error| over the stretch [°C·s].
     """
     later = y - setpoint
-    return PhaseStats(seen.phase, max(seen.highest, later), min(seen.lowest, later), seen.absolute + absolute,
-                abs(later) > band, settled, max(seen.lag, lag))
+    return PhaseStats(stats.phase, max(stats.highest, later), min(stats.lowest, later), stats.absolute + absolute,
+                abs(later) > band, settled, max(stats.lag, lag))
 
 
 def through(setpoint: float, before: Flow, after: Flow) -> bool:
@@ -191,16 +191,16 @@ def through(setpoint: float, before: Flow, after: Flow) -> bool:
     return (before.y - setpoint) * (after.y - setpoint) < 0.0
 
 
-def settling_time(seen: PhaseStats, setpoint: float, band: float, after: Flow) -> bool:
+def settling_time(stats: PhaseStats, setpoint: float, band: float, after: Flow) -> bool:
     """Return whether the temperature comes into the band on a stretch.
 
     Args:
-        seen: the phase so far.
+        stats: the phase so far.
         setpoint: of the phase [°C].
         band: how far from it is still right [°C].
         after: at the stretch's end.
     """
-    return seen.outside and not abs(after.y - setpoint) > band
+    return stats.outside and not abs(after.y - setpoint) > band
 
 
 def _absolute(setpoint: float, plant: Plant, before: Flow, after: Flow) -> float:
@@ -236,14 +236,14 @@ def integral(setpoint: float, plant: Plant, before: Flow, after: Flow) -> float:
     return area(before, after, plant) - setpoint * (after.now - before.now)
 
 
-def close(meter: Meter, seen: PhaseStats, rest: SteadyStateStats) -> SteadyStateStats:
+def close(meter: Meter, stats: PhaseStats, rest: SteadyStateStats) -> SteadyStateStats:
     """Write down a phase that ends, and its rest."""
-    place = seen.phase * COLUMNS
-    meter.phases[place + HIGHEST] = seen.highest
-    meter.phases[place + LOWEST] = seen.lowest
-    meter.phases[place + ABSOLUTE] = seen.absolute
-    meter.phases[place + SETTLED] = math.inf if seen.outside else seen.settled
-    meter.phases[place + LAG] = seen.lag
+    place = stats.phase * COLUMNS
+    meter.phases[place + HIGHEST] = stats.highest
+    meter.phases[place + LOWEST] = stats.lowest
+    meter.phases[place + ABSOLUTE] = stats.absolute
+    meter.phases[place + SETTLED] = math.inf if stats.outside else stats.settled
+    meter.phases[place + LAG] = stats.lag
     if rest.lasts:
         meter.phases[place + MEAN] = rest.integral
         meter.phases[place + REST_HIGHEST] = rest.highest

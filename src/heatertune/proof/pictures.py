@@ -11,18 +11,18 @@ import numpy.typing as npt
 
 from heatertune.arrays import Array
 from heatertune.codec import construct_from, encode
-from heatertune.model.values import FittedModel, HeaterModel
-from heatertune.pid.document import BoostView
+from heatertune.model.model_values import FittedModel, HeaterModel
+from heatertune.pid.design_document import BoostView
+from heatertune.pid.design_values import PidDesign
 from heatertune.pid.sampled_loop import frequencies, loop_response
-from heatertune.pid.values import PidDesign
 from heatertune.plc import controller_for
 from heatertune.plc.core import StepFunctions
 from heatertune.plc.pwm import Actuator
 from heatertune.proof.criteria import LoopLimits
-from heatertune.proof.document import CurveView, OtherRunView, PhaseView, PicturesView, SeriesView
 from heatertune.proof.heaters import labelled_heaters
 from heatertune.proof.loop import LoopController, run_loop
 from heatertune.proof.proof import Proof
+from heatertune.proof.proof_document import CurveView, OtherRunView, PhaseView, PicturesView, SeriesView
 from heatertune.proof.scenario import Scenario, delay_heater, event_name, phases_of
 from heatertune.proof.trace import Trace
 
@@ -195,14 +195,14 @@ def robustness(fitted: FittedModel, proof: Proof) -> dict[str, Any]:
 
 
 def pictures(
-    wished: PidDesign, fitted: FittedModel, proof: Proof, robust: Mapping[str, Any] | None = None
+    ideal: PidDesign, fitted: FittedModel, proof: Proof, robust: Mapping[str, Any] | None = None
 ) -> dict[str, Any]:
     """Return all series that the report draws: the runs, the wish, and what `robustness` gives, or gave."""
     robust = robust or robustness(fitted, proof)
     first_of = {run.model: number for number, run in reversed(list(enumerate(proof.runs)))}
     models, nominal = _models(fitted, proof), proof.nominal
     others = [trace_series(proof.trace(first_of[label]), label) for label, _ in models[1:]]
-    wish = simulate_wish(wished, models[0][1], nominal.scenario, nominal.actuator,
+    wish = simulate_wish(ideal, models[0][1], nominal.scenario, nominal.actuator,
                          ramp_degC_per_min=proof.ramp_degC_per_min, hold_degC=proof.hold_degC, boost=proof.boost)
     document: dict[str, Any] = encode(PicturesView(
         phases=tuple(_phases(nominal)), ms_limit=robust["ms_limit"],

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from heatertune.errors import DocumentError, InputError
-from heatertune.model.values import HeaterModel
+from heatertune.model.model_values import HeaterModel
 from heatertune.proof.scenario import can_hold
 from heatertune.units import check, count
 from heatertune.writing import read_text

@@ -17,16 +17,15 @@ from typing import TYPE_CHECKING, Any, Final
 from heatertune.codec import construct_from, encode
 from heatertune.errors import InputError
 from heatertune.model.findings import Finding
-from heatertune.model.values import HeaterModel
-from heatertune.pid.document import BoostView, RampView
-from heatertune.pid.values import PidDesign
+from heatertune.model.model_values import HeaterModel
+from heatertune.pid.design_document import BoostView, RampView
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc.controller import Controller
 from heatertune.plc.open_points import OpenPoint
 from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words
 from heatertune.proof.acceptance import Acceptance, Coverage, Interlock, Run
 from heatertune.proof.criteria import Criterion, LoopLimits, band_of, criteria_of_words, worst_of
-from heatertune.proof.document import OutcomeView, ProofView, RunView, with_digest
 from heatertune.proof.heaters import MainsScenario, mains_label
 from heatertune.proof.long_outage import (
     BELOW,
@@ -38,6 +37,7 @@ from heatertune.proof.long_outage import (
     lengthen,
     nights_of,
 )
+from heatertune.proof.proof_document import OutcomeView, ProofView, RunView, with_digest
 from heatertune.proof.runs import AllRuns, Runs, uncharged
 from heatertune.proof.scenario import Scenario
 from heatertune.proof.specification import Specification
@@ -101,7 +101,7 @@ def draw_noise(first: tuple[Criterion, ...], again: Again, *, seed: int, scans: 
         seeds = range(seed + len(draws), seed + min(len(draws) + at_once, DRAWS))
         draws.update(zip(seeds, again(seeds), strict=True))
     broken = sum(not all(one.ok for one in criteria) for criteria in draws.values())
-    worst = max(draws, key=lambda one: sorted((criterion.strain for criterion in draws[one]), reverse=True))
+    worst = max(draws, key=lambda entry: sorted((criterion.strain for criterion in draws[entry]), reverse=True))
     return NoiseDraws(criteria=tuple(worst_of(same) for same in zip(*draws.values(), strict=True)), seed=worst,
                  summary=_told(noise_degC, len(draws), broken))
 
@@ -501,7 +501,7 @@ def _judged_after(
     hardest = _hardest_after(results, first.name)
     told = judged(first, [*(run.run for run in hardest),
                           *((name, hardest[-1].switches, power) for name, _ in runs.models)])
-    (model, *_), _ = max(told, key=lambda each: first.strain(each[1]))
+    (model, *_), _ = max(told, key=lambda entry: first.strain(entry[1]))
     ran = [run for run, _ in told]
     if others := [run for run in ((model, run.switches, power) for run in hardest) if run not in ran]:
         told += judged(first, others)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.cooler_mirror import cools
 from heatertune.model.loss_curve import for_setpoints
-from heatertune.model.values import FitOutcome, FittedModel, HeaterModel
+from heatertune.model.model_values import FitOutcome, FittedModel, HeaterModel
 from heatertune.options import merge_options, with_options
 from heatertune.pid.sampled_loop import margins
 from heatertune.plc import Words, controller_for
@@ -143,7 +143,7 @@ def _supplies(
     for power in powers:
         label = f"{mains_label(power)} throughout"
         at_power = [(name, scale_power(model, power)) for name, model in models]
-        held = [(max(setpoints_degC, key=lambda each: abs(each - ambient)) - ambient) / model.gain_degC_per_pct
+        held = [(max(setpoints_degC, key=lambda entry: abs(entry - ambient)) - ambient) / model.gain_degC_per_pct
                 for _, model in at_power for ambient in [float(model.ambient_degC or 0.0)]]
         able = tuple(one for one, pct in zip(at_power, held, strict=True) if pct <= 100.0 - RESERVE_PCT)
         if len(able) < len(models):
@@ -260,10 +260,10 @@ def tune_settings_for(tuned: TuneSettings, conditions: Conditions) -> TuneSettin
     return replace(tuned, ms=min(tuned.ms, ms), step_power_pct=min(own, step_power))
 
 
-def told_of_aim(asked: TuneSettings, tuned: TuneSettings) -> tuple[str, ...]:
+def told_of_aim(settings: TuneSettings, tuned: TuneSettings) -> tuple[str, ...]:
     """Return the sentence that the design aims at a smaller Ms than it was asked for, where it does."""
-    if tuned.ms < asked.ms:
-        return (f"Ms <= {tuned.ms:g} instead of {asked.ms:g}, as the specification requires.",)
+    if tuned.ms < settings.ms:
+        return (f"Ms <= {tuned.ms:g} instead of {settings.ms:g}, as the specification requires.",)
     return ()
 
 
@@ -297,7 +297,9 @@ def _interlock(conditions: Conditions, words: Words) -> Interlock | None:
     return Interlock(name=conditions.interlock, limit_degC=limit, fan_stops_s=conditions.fan_stops_s)
 
 
-def _remarks(words: Words, fitted: FittedModel, asked: Conditions, setpoints_degC: Sequence[float]) -> Iterator[str]:
+def _remarks(
+    words: Words, fitted: FittedModel, conditions: Conditions, setpoints_degC: Sequence[float],
+) -> Iterator[str]:
     """Return what stands on the verdict's line beside the findings of the fit."""
     if fitted.outcome is FitOutcome.BY_HAND:
         yield "the model was entered by its numbers"
@@ -307,9 +309,8 @@ def _remarks(words: Words, fitted: FittedModel, asked: Conditions, setpoints_deg
         own = words.target in (*GROUPS["printer"], *GROUPS["maker"])  # a thermistor and a pin, no module
         yield f"dead time {delay:g} s longer, for the {'sensor reading and the output' if own else 'input module'}"
     if (cooling := controller_for(words.target).cooling) is not None:
-        told = asked.cooling_gain is not None
-        yield (f"the power of the cooler was entered as {asked.cooling_gain:g} times that of the heater" if told else
-               f"the power of the cooler was taken from the parameters, {cooling.gain(words):g} times that of the "
-               "heater")
+        told = conditions.cooling_gain is not None
+        gain = f"{conditions.cooling_gain if told else cooling.gain(words):g} times that of the heater"
+        yield f"the power of the cooler was {'entered as' if told else 'taken from the parameters,'} {gain}"
     if words.sample_time_s < fitted.log_interval_s:
         yield f"TA {words.sample_time_s:g} s is below the log's interval of {fitted.log_interval_s:g} s"

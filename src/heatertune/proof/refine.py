@@ -12,10 +12,10 @@ from itertools import product
 from typing import Any, Final
 
 from heatertune.errors import NotRepresentable
-from heatertune.model.values import FittedModel
+from heatertune.model.model_values import FittedModel
+from heatertune.pid.design_values import PidDesign
 from heatertune.pid.sampled_loop import sensitivity_peaks
 from heatertune.pid.search.robust import Open
-from heatertune.pid.values import PidDesign
 from heatertune.plc import Words, controller_for
 from heatertune.plc.controller import with_cooling
 from heatertune.plc.design import encode, loop_fit
@@ -123,7 +123,7 @@ class _RefinementLoop:
         excess = max(0.0, max(criterion.strain for criterion in proof.criteria) - 1.0)
         return _RefinementTrial(words=words, design=design, broken=broken, excess=excess, cost=cost)
 
-    def around(self, design: PidDesign, step: float, seen: set[Any]) -> Iterator[tuple[Words, PidDesign]]:
+    def around(self, design: PidDesign, step: float, visited: set[Any]) -> Iterator[tuple[Words, PidDesign]]:
         """Return the words a step away that are new, fit the target and keep the limit on Ms."""
         target, scaling = self.choice.words.target, self.choice.words.scaling
         plants = loop_fit(self.fitted_model, target, scaling).plants
@@ -139,9 +139,9 @@ class _RefinementLoop:
                 continue
             key = tuple(words.values.items())
             real = controller_for(target).decode(words)
-            if key in seen or real is None:
+            if key in visited or real is None:
                 continue
-            seen.add(key)
+            visited.add(key)
             worst = max(sensitivity_peaks(plant, real)[0] for plant in plants)
             if worst <= self.ms and self.keeps(words):
                 yield words, real

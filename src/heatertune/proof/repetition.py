@@ -18,19 +18,19 @@ from typing import Any, Final
 from heatertune.cache import load_or_compute, release
 from heatertune.codec import Document, construct_from, decode, encode, existing_path, plain, read_document
 from heatertune.errors import DocumentError, HeatertuneError, InputError
-from heatertune.model import document as model_document
-from heatertune.model.values import FittedModel
-from heatertune.pid.document import DesignProvenance, RampView, parts_of, read_design
-from heatertune.pid.document import to_document as pid_document
-from heatertune.pid.values import PidDesign
+from heatertune.model import model_document
+from heatertune.model.model_values import FittedModel
+from heatertune.pid.design_document import DesignProvenance, RampView, parts_of, read_design
+from heatertune.pid.design_document import to_document as pid_document
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Boost, Ramp, Scaling, Words, controller_for
 from heatertune.plc.controller import with_cooling
 from heatertune.plc.word_selection import WordChoice, choose_words
 from heatertune.plc.words import with_pwm_period
 from heatertune.processors import ProgressCallback
-from heatertune.proof.document import ProofView, check_document, with_digest
 from heatertune.proof.profile import read_profile
 from heatertune.proof.proof import Proof
+from heatertune.proof.proof_document import ProofView, check_document, with_digest
 from heatertune.proof.setpoint_ramp import prove_ramped
 from heatertune.proof.spec_file import in_force, specification_of
 from heatertune.proof.specification import NOTHING
@@ -66,15 +66,15 @@ def files_of(conditions: Conditions) -> dict[str, str]:
     return {name: f"sha256:{hashlib.sha256(repr(content).encode()).hexdigest()}" for name, content in asked.items()}
 
 
-def demand_same_files(recipe: DesignProvenance, given: Collection[str], where: str) -> None:
+def demand_same_files(recipe: DesignProvenance, names: Collection[str], where: str) -> None:
     """Refuse a file that has changed since a recipe was written, but for those that options give anew.
 
     Raises:
         InputError: it asks for something else; as `files_of`.
     """
     kept = recipe.conditions
-    now = files_of(Conditions(spec=None if "spec" in given else kept.spec,
-                              profile=None if "profile" in given else kept.profile))
+    now = files_of(Conditions(spec=None if "spec" in names else kept.spec,
+                              profile=None if "profile" in names else kept.profile))
     for name, digest in now.items():
         if recipe.files.get(name) != digest:
             raise InputError(f"{where}: {getattr(kept, name)}, under which it was made, has changed since: say "
@@ -313,9 +313,9 @@ def _demand_words(
         raise DocumentError(f"{where}: fields: others than those of {words.target}; {_way_on(words)}")
 
 
-def _same_words(one: Words, other: Words) -> bool:
-    return (one.target, dict(one.values), one.sample_time_s, one.scaling, one.ramp, one.boost) == (
-        other.target, dict(other.values), other.sample_time_s, other.scaling, other.ramp, other.boost)
+def _same_words(left: Words, right: Words) -> bool:
+    return (left.target, dict(left.values), left.sample_time_s, left.scaling, left.ramp, left.boost) == (
+        right.target, dict(right.values), right.sample_time_s, right.scaling, right.ramp, right.boost)
 
 
 def _demand_model(place: Path, fitted: FittedModel, design_path: Path) -> None:
@@ -369,24 +369,24 @@ def _demand_same(path: Path, name: str, stored: object, again: object, words: Wo
                             f"release; {_way_on(words)}")
 
 
-def _difference(at: str, one: Any, other: Any) -> tuple[str, str, str] | None:
+def _difference(at: str, left: Any, right: Any) -> tuple[str, str, str] | None:
     """Return where two documents differ and what stands there, None where they are the same."""
-    if isinstance(one, Mapping) and isinstance(other, Mapping):
-        keys = dict.fromkeys((*one, *other))
+    if isinstance(left, Mapping) and isinstance(right, Mapping):
+        keys = dict.fromkeys((*left, *right))
         parts: Iterator[tuple[str, Any, Any]] = (
-            (f"{at}.{key}".lstrip("."), one.get(key), other.get(key)) for key in keys)
+            (f"{at}.{key}".lstrip("."), left.get(key), right.get(key)) for key in keys)
         return next((apart for part in parts if (apart := _difference(*part)) is not None), None)
-    if isinstance(one, list | tuple) and isinstance(other, list | tuple) and len(one) == len(other):
-        pairs = ((f"{at}[{number}]", *pair) for number, pair in enumerate(zip(one, other, strict=True)))
+    if isinstance(left, list | tuple) and isinstance(right, list | tuple) and len(left) == len(right):
+        pairs = ((f"{at}[{number}]", *pair) for number, pair in enumerate(zip(left, right, strict=True)))
         return next((apart for pair in pairs if (apart := _difference(*pair)) is not None), None)
-    return None if _same_value(one, other) else (at, _short(one), _short(other))
+    return None if _same_value(left, right) else (at, _short(left), _short(right))
 
 
-def _same_value(one: Any, other: Any) -> bool:
-    numbers = [isinstance(value, int | float) and not isinstance(value, bool) for value in (one, other)]
+def _same_value(left: Any, right: Any) -> bool:
+    numbers = [isinstance(value, int | float) and not isinstance(value, bool) for value in (left, right)]
     if all(numbers):
-        return math.isclose(one, other, rel_tol=_RELATIVE, abs_tol=_ABSOLUTE)
-    return type(one) is type(other) and bool(one == other)
+        return math.isclose(left, right, rel_tol=_RELATIVE, abs_tol=_ABSOLUTE)
+    return type(left) is type(right) and bool(left == right)
 
 
 def _short(value: object) -> str:

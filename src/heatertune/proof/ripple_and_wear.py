@@ -9,7 +9,7 @@ from functools import partial
 from typing import Final, NamedTuple
 
 from heatertune.errors import InputError, UnknownName
-from heatertune.model.values import HeaterModel
+from heatertune.model.model_values import HeaterModel
 from heatertune.plc.pwm import in_ticks
 from heatertune.units import check
 

@@ -22,7 +22,7 @@ import numpy as np
 
 from heatertune.arrays import Array
 from heatertune.errors import InputError, OutOfRange
-from heatertune.model.values import HeaterModel
+from heatertune.model.model_values import HeaterModel
 from heatertune.plc.controller import Controller
 from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words

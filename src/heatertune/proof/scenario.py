@@ -19,7 +19,7 @@ from heatertune.arrays import Array
 from heatertune.codec import LEFT_OUT
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.loss_curve import top_degC
-from heatertune.model.values import HeaterModel
+from heatertune.model.model_values import HeaterModel
 from heatertune.proof.kernel import JUMP, LOAD, MAINS, PHASE
 from heatertune.units import check
 

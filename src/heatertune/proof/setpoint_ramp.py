@@ -12,7 +12,7 @@ from typing import Final
 
 from heatertune.errors import OutOfRange
 from heatertune.model.cooler_mirror import cools
-from heatertune.model.values import FittedModel
+from heatertune.model.model_values import FittedModel
 from heatertune.plc import Ramp, Words, controller_for
 from heatertune.processors import ProgressCallback
 from heatertune.proof import Proof, prove
@@ -155,7 +155,7 @@ def _soonest(searches: Sequence[_Search]) -> tuple[Proof | None, list[Proof]]:
     at_once = {search.hold_degC: settles for search in searches if (settles := search.settles_at_once()) is not None}
     best: Proof | None = None
     wound_up = list[Proof]()
-    for search in sorted(searches, key=lambda each: at_once.get(each.hold_degC, math.inf)):
+    for search in sorted(searches, key=lambda entry: at_once.get(entry.hold_degC, math.inf)):
         if best is not None and search.hold_degC in at_once:
             continue
         ramped = search.fastest(None if best is None else _value(best, "settling_time"))

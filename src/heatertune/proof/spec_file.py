@@ -125,13 +125,13 @@ def _own_part(begun: Specification, name: str, value: object) -> str:
     return setting
 
 
-def _profile(path: Path, given: object) -> Profile | None:
+def _profile(path: Path, value: object) -> Profile | None:
     """Return the profile of a file beside the specification, or of its own table."""
-    if isinstance(given, str):
-        return read_profile(path.parent / given)
-    if isinstance(given, dict):
-        return profile_of_table(path.name, given, f"{path}: profile")
-    if given is not None:
+    if isinstance(value, str):
+        return read_profile(path.parent / value)
+    if isinstance(value, dict):
+        return profile_of_table(path.name, value, f"{path}: profile")
+    if value is not None:
         raise DocumentError(f"{path}: profile: expected the name of a file, or a table of lists")
     return None
 

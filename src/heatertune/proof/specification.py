@@ -148,12 +148,12 @@ class Specification:
         settings = {_part(name).field: _setting(name, value) for name, value in self.story.items()}
         return TestSequence(setpoint_low_degC=setpoint_low_degC, profile=self.profile, **settings)  # type: ignore[arg-type]  # named in STORY
 
-    def with_limits(self, given: Mapping[str, tuple[str, ...]]) -> Specification:
+    def with_limits(self, limits: Mapping[str, tuple[str, ...]]) -> Specification:
         """Return it with some limits as given instead; errors as on construction."""
         return Specification(
-            name=self.name, limits={**self.limits, **given}, story=self.story, profile=self.profile, base=self.base,
-            changed=tuple(dict.fromkeys((*self.changed, *given))),
-            reasons={name: why for name, why in self.reasons.items() if name not in given})
+            name=self.name, limits={**self.limits, **limits}, story=self.story, profile=self.profile, base=self.base,
+            changed=tuple(dict.fromkeys((*self.changed, *limits))),
+            reasons={name: why for name, why in self.reasons.items() if name not in limits})
 
 
 def limits_from(texts: Iterable[str]) -> dict[str, tuple[str, ...]]:

@@ -17,7 +17,7 @@ import numpy as np
 from heatertune.errors import InputError
 from heatertune.heater.exact import time_to
 from heatertune.model.loss_curve import slower_cooling
-from heatertune.model.values import HeaterModel
+from heatertune.model.model_values import HeaterModel
 from heatertune.proof.criteria import LoopLimits
 from heatertune.proof.heaters import MAINS_POWERS, RESERVE_PCT
 from heatertune.proof.profile import Leg, Profile

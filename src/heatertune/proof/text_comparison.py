@@ -75,7 +75,7 @@ def as_exported(proof: Proof) -> Proof:
         "text", {"words": repr(proof.words), "known": dict(proof.stated_settings),
                  "runs": {label: _digest(trace) for label, trace in runs.items()}},
         lambda: _all_compared(controller, proof, runs)._asdict(),
-        lambda told: ComparisonResult(told["departs"], tuple(told["not_run"])))
+        lambda state: ComparisonResult(state["departs"], tuple(state["not_run"])))
     found = () if departs is None else (Finding(name="exported-text", message=departs),)
     not_tested = tuple(dict.fromkeys((*heard.not_tested, *not_run)))
     return replace(proof, diagnostics=replace(heard, findings=(*heard.findings, *found), not_tested=not_tested))
@@ -104,7 +104,7 @@ def _all_compared(controller: Controller, proof: Proof, runs: Mapping[str, Trace
 
 
 def compare_text(
-    controller: Controller, words: Words, trace: Trace, known: Mapping[str, str] | None = None, *,
+    controller: Controller, words: Words, trace: Trace, stated: Mapping[str, str] | None = None, *,
     pulses: dict[str, set[Number]] | None = None,
 ) -> ComparisonResult:
     """Return where the text of the export does other than a run of these words.
@@ -113,14 +113,15 @@ def compare_text(
         controller: that ran.
         words: that it held.
         trace: of the run. One whose setpoint is led along a profile is not looked at: no export leads it.
-        known: switch → setting that is known or chosen, which the export follows.
+        stated: switch → setting that is known or chosen, which the export follows.
         pulses: file → outputs whose PWM was compared in a run before, as its clock was: these are not compared again;
             grows.
     """
     pulses = {} if pulses is None else pulses
     if controller.load_exported is None or trace.scenario.leads:
         return ComparisonResult()
-    told = Certificate(verdict="PASS", setpoint_degC=trace.setpoint_degC, actuator=trace.actuator, switches=known or {})
+    told = Certificate(
+        verdict="PASS", setpoint_degC=trace.setpoint_degC, actuator=trace.actuator, switches=stated or {})
     loads = controller.load_exported(controller.export(words, told),
                                      assumptions_from(controller.assumptions, trace.switches))
     not_run: dict[str, None] = {}
@@ -295,39 +296,40 @@ class _Comparison:
         return f"at {time_s + tick * self._text.tick_s:g} s it switches the heater otherwise than was proven"
 
     def _first(
-        self, seen: _CallRecord, made: CallOutputs, switches: npt.NDArray[np.bool_] | bool = False, ticks: Any = None
+        self, record: _CallRecord, outputs: CallOutputs, switches: npt.NDArray[np.bool_] | bool = False,
+        ticks: Any = None,
     ) -> str | None:
         """Return what is other first, where all was run at once; `switches`: or where it switches otherwise."""
-        followed = self._loop.zero_degC + self._loop.unit_degC * made.setpoints
-        other = (followed != seen.followed_degC) | (made.powers_pct != seen.power_pct) | switches
+        followed = self._loop.zero_degC + self._loop.unit_degC * outputs.setpoints
+        other = (followed != record.followed_degC) | (outputs.powers_pct != record.power_pct) | switches
         if not other.any():
             return None
         first = int(np.argmax(other))
-        call, = seen.some(slice(first, first + 1)).one_by_one()
-        called = CallResult(*(each[first].item() for each in (made.setpoints, made.outputs, made.powers_pct)))
+        call, = record.some(slice(first, first + 1)).one_by_one()
+        called = CallResult(*(each[first].item() for each in (outputs.setpoints, outputs.outputs, outputs.powers_pct)))
         return self._other(call, called) or self._switched(call.time_s, int(ticks[first]))
 
-    def _other(self, seen: _Call, made: CallResult) -> str | None:
+    def _other(self, call: _Call, result: CallResult) -> str | None:
         """Return what the program follows or asks for other than the run at this call."""
-        followed = self._loop.zero_degC + self._loop.unit_degC * made.setpoint
-        if (followed, made.power_pct) == (seen.followed_degC, seen.power_pct):
+        followed = self._loop.zero_degC + self._loop.unit_degC * result.setpoint
+        if (followed, result.power_pct) == (call.followed_degC, call.power_pct):
             return None
-        return (f"at {seen.time_s:g} s it asks for {made.power_pct:.6g} % after setpoint {made.setpoint}; proven are "
-                f"{seen.power_pct:.6g} %")
+        return (f"at {call.time_s:g} s it asks for {result.power_pct:.6g} % after setpoint {result.setpoint}; "
+                f"proven are {call.power_pct:.6g} %")
 
-    def _of_pulses(self, known: set[Number]) -> str | None:
+    def _of_pulses(self, numbers: set[Number]) -> str | None:
         """Compare the ticks of a period for what was asked for; nothing is carried from one period to the next.
 
         Args:
-            known: outputs whose periods are compared already; grows.
+            numbers: outputs whose periods are compared already; grows.
         """
         actuator = self._trace.actuator
         ticks = actuator.ticks(self._words.sample_time_s)
         if ticks is None or not self._powers:
             return None
         powers = self._powers | _at_ends(self._powers, actuator)
-        outputs = sorted(powers.keys() - known)
-        known.update(powers)  # not "|=", which would make another set: these are the keys of a dict
+        outputs = sorted(powers.keys() - numbers)
+        numbers.update(powers)  # not "|=", which would make another set: these are the keys of a dict
         if not outputs:
             return None
         period = ticks.per_period

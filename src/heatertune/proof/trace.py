@@ -14,7 +14,7 @@ from heatertune.arrays import Array
 from heatertune.heater.exact import advance, area, turning_times
 from heatertune.heater.heat_loss import Loss, loss_at
 from heatertune.model.loss_curve import loss_above
-from heatertune.model.values import HeaterModel
+from heatertune.model.model_values import HeaterModel
 from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words
 from heatertune.proof.acceptance import Interlock

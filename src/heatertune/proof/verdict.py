@@ -126,7 +126,7 @@ def combined_verdict(verdicts: Iterable[str]) -> str:
     return "FAIL" if "FAIL" in heard else NOT_PROVEN if NOT_PROVEN in heard else "PASS"
 
 
-def verdict_of_samples(count: int, quantile: float, kept: Sequence[int]) -> str:
+def verdict_of_samples(count: int, quantile: float, passing_counts: Sequence[int]) -> str:
     """Return whether so many samples show, with 95 % confidence, that enough of all such heaters keep every limit.
 
     "PASS" where they show that enough do under each setting, "FAIL" where that too few do under one of them, and
@@ -135,11 +135,11 @@ def verdict_of_samples(count: int, quantile: float, kept: Sequence[int]) -> str:
     Args:
         count: samples, each run under every setting of what the manual leaves open.
         quantile: share of all such heaters that must.
-        kept: how many samples keep every limit, under each setting.
+        passing_counts: how many samples keep every limit, under each setting.
     """
-    if not kept:
+    if not passing_counts:
         return NOT_PROVEN
-    least, most = share_bounds(min(kept), count)
+    least, most = share_bounds(min(passing_counts), count)
     return "PASS" if least >= quantile else "FAIL" if most < quantile else NOT_PROVEN
 
 
@@ -241,7 +241,7 @@ def _under(settings: Sequence[Document]) -> str:
 
     Of it what is other than assumed, which is the first one's.
     """
-    least = min(settings, key=lambda one: one["passing_count"])
+    least = min(settings, key=lambda entry: entry["passing_count"])
     if all(one["passing_count"] == least["passing_count"] for one in settings):
         return " under every setting" if len(settings) > 1 else ""
     assumed = settings[0]["switches"]

@@ -18,7 +18,7 @@ from heatertune.codec import (
     register_schema,
 )
 from heatertune.errors import DocumentError, ExportRefused
-from heatertune.pid.document import BoostView
+from heatertune.pid.design_document import BoostView
 from heatertune.plc import Boost, Certificate, Ramp, Scaling, Words, controller_for
 from heatertune.plc.open_points import settings_to_prove
 from heatertune.plc.pwm import Actuator

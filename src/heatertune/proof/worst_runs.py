@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final, NamedTuple
 
-from heatertune.model.values import FittedModel
+from heatertune.model.model_values import FittedModel
 from heatertune.plc import Words
 from heatertune.proof.acceptance import Run
 from heatertune.proof.criteria import Criterion

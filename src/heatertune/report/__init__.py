@@ -12,8 +12,7 @@ if TYPE_CHECKING:
     from heatertune.report.controller_comparison import render_targets, targets_brief, targets_table
     from heatertune.report.health_page import loops_lines, loops_page
     from heatertune.report.page import render, sections
-    from heatertune.report.supervision import supervision_html, supervision_page
-    from heatertune.report.text import (
+    from heatertune.report.report_text import (
         advice_table,
         alternatives_table,
         criteria_table,
@@ -33,6 +32,7 @@ if TYPE_CHECKING:
         validation_lines,
         words_table,
     )
+    from heatertune.report.supervision import supervision_html, supervision_page
     from heatertune.report.verdict_summary import design_brief, model_brief, tune_brief, verify_brief
 
 __all__ = [
@@ -44,7 +44,7 @@ __all__ = [
 ]
 
 __getattr__, __dir__ = lazy_attributes(__name__, {
-    "report.text": (
+    "report.report_text": (
         "difference_lines", "plan_csv", "plan_lines", "advice_table", "alternatives_table", "criteria_table",
         "design_lines", "feed_forward_lines", "forms_lines", "hypothesis_table", "model_lines", "outcome_lines",
         "pareto_table", "ramp_note", "samples_table", "summary", "validation_lines", "words_table"),

@@ -20,7 +20,7 @@ from heatertune.report.html import BLANK, bullets, picture, table, text_of, with
 from heatertune.report.layout import LINES, cut, notes_within, screen, wrap_text
 from heatertune.report.layout import table as text_table
 from heatertune.report.plots import LOOK, key, label_levels, new_figure
-from heatertune.report.text import figure, keyed_entries, limit_text, quantity, readable_name
+from heatertune.report.report_text import figure, keyed_entries, limit_text, quantity, readable_name
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -42,10 +42,10 @@ def written(documents: Mapping[str, Document]) -> str:
         _passage(one, documents["words"]) for one in found["passages"])
 
 
-def written_brief(found: Document, page: str) -> str:
+def written_brief(document: Document, page: str) -> str:
     """Return each time that somebody wrote, as a terminal shows it."""
     parts = [wrap_text(f"{_when(one)}, {_where(one)}: {one['message']}", f"{_outcome(one)}  ") + [
-        f"  {row[0]:<14} {row[1]} -> {row[3]}" for row in _quantities(one)] for one in found["passages"]]
+        f"  {row[0]:<14} {row[1]} -> {row[3]}" for row in _quantities(one)] for one in document["passages"]]
     return screen(*parts, [page])
 
 
@@ -57,62 +57,63 @@ def in_plc(values: Mapping[str, float] | None, words: Document) -> str:
     return ", ".join(f"{row.name} {texts[row.name]}" for row in _own(words) if row.name in values)
 
 
-def _passage(one: Document, words: Document) -> str:
-    rows = [("when", f"{_when(one)} to {_clock(one['ended'])}" if one["ended"] else f"{_when(one)}, not ended"),
-            ("record", one["record"]), ("where", _where(one)), ("made by", f"heatertune {one['version']}"),
+def _passage(entry: Document, words: Document) -> str:
+    rows = [("when", f"{_when(entry)} to {_clock(entry['ended'])}" if entry["ended"] else f"{_when(entry)}, not ended"),
+            ("record", entry["record"]), ("where", _where(entry)), ("made by", f"heatertune {entry['version']}"),
             ("by", BLANK)]
     facts = "".join(f"<dt>{name}</dt><dd>{text_of(value)}</dd>" for name, value in rows)
-    mark = "pass" if one["outcome"] == "done" else "fail"
+    mark = "pass" if entry["outcome"] == "done" else "fail"
     heads = ["", "as found", "proven", "as left"]
-    source = f"{one['record']}; proven: the proof of these words"
-    watch = one["watch"]
+    source = f"{entry['record']}; proven: the proof of these words"
+    watch = entry["watch"]
     drawn = "<p>The response was not watched.</p>" if watch is None else picture(
         plot_watch(watch), "Measured against proven: the response, and the band in which the proof has it.")
-    seen = f"<p>Looked at before: {text_of('; '.join(one['observations']))}.</p>" if one["observations"] else ""
+    seen = f"<p>Looked at before: {text_of('; '.join(entry['observations']))}.</p>" if entry["observations"] else ""
     return (
-        f'<section><h3>{_KINDS[one["kind"]]}: <span class="{mark}">{_outcome(one)}</span></h3>'
-        f'<dl class="identity">{facts}</dl><p>{_sentence(one["message"])}</p>{seen}{bullets(one["notes"])}'
-        f"{table(heads, [*_quantities(one), *_words(one, words)], numeric=(1, 2, 3), source=source)}{drawn}</section>")
+        f'<section><h3>{_KINDS[entry["kind"]]}: <span class="{mark}">{_outcome(entry)}</span></h3>'
+        f'<dl class="identity">{facts}</dl><p>{_sentence(entry["message"])}</p>{seen}{bullets(entry["notes"])}'
+        f"{table(heads, [*_quantities(entry), *_words(entry, words)], numeric=(1, 2, 3), source=source)}{drawn}"
+        "</section>")
 
 
 def _sentence(text: str) -> str:
     return with_code(f"{text[:1].upper()}{text[1:]}.")
 
 
-def _outcome(one: Document) -> str:
-    return str(one["outcome"]).upper()
+def _outcome(entry: Document) -> str:
+    return str(entry["outcome"]).upper()
 
 
-def _when(one: Document) -> str:
-    return f"{datetime.fromisoformat(one['begun']):%Y-%m-%d %H:%M:%S %Z}"
+def _when(entry: Document) -> str:
+    return f"{datetime.fromisoformat(entry['begun']):%Y-%m-%d %H:%M:%S %Z}"
 
 
 def _clock(instant: str) -> str:
     return f"{datetime.fromisoformat(instant):%H:%M:%S}"
 
 
-def _where(one: Document) -> str:
-    return f"{one['address']}{', a simulator' if one['simulated'] else ''}"
+def _where(entry: Document) -> str:
+    return f"{entry['address']}{', a simulator' if entry['simulated'] else ''}"
 
 
-def _quantities(one: Document) -> Iterator[list[str]]:
+def _quantities(entry: Document) -> Iterator[list[str]]:
     """Yield the meanings of the parameters that occur in at least one of the three sets."""
-    for each in one["quantities"]:
+    for each in entry["quantities"]:
         values = [each[name] for name in ("as_found", "proven", "left")]
         if any(value is not None for value in values):
-            shown = [_shown(value, each["unit"], known=one[of] is not None)
+            shown = [_shown(value, each["unit"], is_known=entry[of] is not None)
                      for value, of in zip(values, ("as_found", "quantities", "left"), strict=True)]
             yield [each["name"], *shown]
 
 
-def _shown(value: float | None, unit: str, *, known: bool) -> str:
-    return _NOT_KNOWN if not known else "none" if value is None else f"{figure(value)} {unit}"
+def _shown(value: float | None, unit: str, *, is_known: bool) -> str:
+    return _NOT_KNOWN if not is_known else "none" if value is None else f"{figure(value)} {unit}"
 
 
-def _words(one: Document, words: Document) -> Iterator[list[str]]:
+def _words(entry: Document, words: Document) -> Iterator[list[str]]:
     """Yield the words that are not the same in all three sets."""
     proven = {row.name: row.then for row in _own(words)}
-    sets = [one["as_found"] or {}, proven, one["left"] or {}]
+    sets = [entry["as_found"] or {}, proven, entry["left"] or {}]
     texts = [_texts(words, values) for values in sets]
     for row in _own(words):
         if any(values.get(row.name) != row.then for values in sets):

@@ -11,17 +11,17 @@ import numpy as np
 
 from heatertune.arrays import Array
 from heatertune.codec import plain
-from heatertune.log.values import Log
-from heatertune.model import document as model_document
-from heatertune.model.values import FittedModel
-from heatertune.pid.values import PidDesign
+from heatertune.log.log_values import Log
+from heatertune.model import model_document
+from heatertune.model.model_values import FittedModel
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Words, controller_for
 from heatertune.plc.inputs import describe_range
 from heatertune.plc.keyed_entry import typed_table, typed_words
 from heatertune.proof import Proof, Trace
 from heatertune.report.html import bullets, table, text_of
 from heatertune.report.plots import LOOK, key, label_levels, new_figure, power_limits, to_svg
-from heatertune.report.text import criterion_value, figure, model_rows
+from heatertune.report.report_text import criterion_value, figure, model_rows
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -12,7 +12,7 @@ from heatertune.report.html import page, picture, text_of
 from heatertune.report.html import table as html_table
 from heatertune.report.layout import cut, table, wrap_text
 from heatertune.report.plots import LOOK, new_figure
-from heatertune.report.text import figure
+from heatertune.report.report_text import figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from heatertune.codec import plain
-from heatertune.log.values import Log
-from heatertune.model import document as model_document
-from heatertune.model.values import FittedModel
-from heatertune.pid import document as pid_document
-from heatertune.pid.values import PidDesign
+from heatertune.log.log_values import Log
+from heatertune.model import model_document
+from heatertune.model.model_values import FittedModel
+from heatertune.pid import design_document as pid_document
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Words, controller_for
 from heatertune.plc.inputs import describe_range
 from heatertune.plc.keyed_entry import typed_table, typed_words
@@ -20,7 +20,7 @@ from heatertune.proof import Proof, Trace
 from heatertune.proof.verdict import verdict_line
 from heatertune.report.cards import card, draw_figure, panels
 from heatertune.report.layout import table
-from heatertune.report.text import criteria_table, design_lines, figure, model_lines
+from heatertune.report.report_text import criteria_table, design_lines, figure, model_lines
 from heatertune.report.verdict_summary import model_brief, verify_brief
 
 if TYPE_CHECKING:

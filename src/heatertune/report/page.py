@@ -28,7 +28,7 @@ from heatertune.proof.verdict import blocking_findings, relaxed_clause, sample_l
 from heatertune.report import plots
 from heatertune.report.as_left_section import in_plc, judged_text, measured_text, plot_as_left, worst_text, written
 from heatertune.report.html import BLANK, Markup, bullets, page, picture, steps, table, text_of, tick, with_code
-from heatertune.report.text import (
+from heatertune.report.report_text import (
     NOT_IDENTIFIED,
     called_every_s,
     criterion_value,
@@ -114,9 +114,9 @@ def assumption_text(documents: Documents) -> str:
     )
 
 
-def _proven(point: OpenPoint, known: Mapping[str, str]) -> tuple[str, ...]:
+def _proven(point: OpenPoint, stated: Mapping[str, str]) -> tuple[str, ...]:
     """Return the proven settings: for a choice the chosen one and the default, or none if the default is chosen."""
-    chosen = known.get(point.name, point.default)
+    chosen = stated.get(point.name, point.default)
     if point.chosen:
         return () if chosen == point.default else (chosen, point.default)
     return point.settings
@@ -277,9 +277,10 @@ def remedies(documents: Documents) -> str:
     return f"<h2>Troubleshooting</h2>{_steps(found, others)}{how}"
 
 
-def _steps(found: Mapping[str, Sequence[str]], titles: Sequence[str]) -> str:
-    number = {title: each for each, title in enumerate(found)}
-    return "".join(f"<h3>{text_of(title)}</h3>{steps(f'step-{number[title]}', found[title])}" for title in titles)
+def _steps(steps_by_title: Mapping[str, Sequence[str]], titles: Sequence[str]) -> str:
+    number = {title: each for each, title in enumerate(steps_by_title)}
+    return "".join(
+        f"<h3>{text_of(title)}</h3>{steps(f'step-{number[title]}', steps_by_title[title])}" for title in titles)
 
 
 def _safety(documents: Documents) -> str:

@@ -40,7 +40,7 @@ from heatertune.report.layout import (
     two_columns,
     wrap_text,
 )
-from heatertune.report.text import (
+from heatertune.report.report_text import (
     NOT_IDENTIFIED,
     called_every_s,
     criterion_value,
@@ -90,7 +90,7 @@ def design_brief(documents: Mapping[str, Document], out: str, nearest: Sequence[
     facts = {"heater": [_heater(model)], "ideal": [_ideal(pid)]}
     files = _files(words, out)
     fails = _fails_on_samples(proof) and not nearest
-    drawn = wrap_text(_of_samples(proof["samples"], closed=True), "", _SAID) if fails else []
+    drawn = wrap_text(_of_samples(proof["samples"], closed_loop=True), "", _SAID) if fails else []
     said, values, worst = [*_verdict(proof, nearest), *drawn, *labelled_lines(facts, 2)], _values(words,
                                                                                                   proof), _worst(proof)
     ends = [*files, *([hint] if hint else [])]
@@ -100,24 +100,24 @@ def design_brief(documents: Mapping[str, Document], out: str, nearest: Sequence[
 
 
 def verify_brief(
-    proof: Document, notes: Sequence[str] = (), found: str | None = None, redesign: Sequence[str] = ()
+    proof: Document, notes: Sequence[str] = (), remedy: str | None = None, redesign: Sequence[str] = ()
 ) -> str:
     """Return a proof on one screen.
 
     Args:
         proof: its document.
         notes: one sentence each.
-        found: the remedy found when the parameters were calculated, see `DesignProvenance`; None: not searched.
+        remedy: the remedy found when the parameters were calculated, see `DesignProvenance`; None: not searched.
         redesign: the complete command for a redesign of a failing design; empty: unknown.
     """
-    way_on = wrap_text(_way_on(proof, found), "remedy: ") if proof["verdict"] == "FAIL" else []
+    way_on = wrap_text(_way_on(proof, remedy), "remedy: ") if proof["verdict"] == "FAIL" else []
     way_on += command(redesign) if way_on and redesign and not _fails_on_samples(proof) else []
     return _with_notes(notes, [*_verdict(proof), *way_on], _worst(proof), labelled_lines(_doubts(proof), _DOUBTS))
 
 
-def _way_on(proof: Document, found: str | None) -> str:
-    if found is not None:
-        return f"found during the design: {found}"
+def _way_on(proof: Document, remedy: str | None) -> str:
+    if remedy is not None:
+        return f"found during the design: {remedy}"
     if proof["target"] in REPAIRED:
         return f"the repaired version of the program: --target {REPAIRED[proof['target']]}"
     if _fails_on_samples(proof):
@@ -132,7 +132,7 @@ def _fails_on_samples(proof: Document) -> bool:
     return kept and proof["verdict"] == "FAIL" and "samples" in proof
 
 
-def _of_samples(samples: Document, *, closed: bool = False) -> str:
+def _of_samples(samples: Document, *, closed_loop: bool = False) -> str:
     """Return the limits that sampled heaters break, and the remedies that are still possible."""
     spots = samples["criteria"]
     often = sorted((name for name in spots if spots[name]["passing"] < 1.0), key=lambda name: spots[name]["passing"])
@@ -143,7 +143,7 @@ def _of_samples(samples: Document, *, closed: bool = False) -> str:
         helps += ["if your controller is known to behave differently, state it with --assume"]
     if reserve is not None and not reserve > 0.0:
         helps += ["some heaters lack the power for this setpoint"]
-    elif not closed:
+    elif not closed_loop:
         helps += ["heatertune design or fleet with --samples searches for the smallest change that passes"]
     return ": ".join(filter(None, (f"of all samples, {' and '.join(broken)}", "; ".join(helps))))
 
@@ -272,8 +272,8 @@ def _doubts(proof: Document, unsure: Iterable[str] = ()) -> dict[str, list[str]]
     }
 
 
-def _points(found: re.Match[str]) -> str:
-    number = len(found[1].split(", "))
+def _points(match: re.Match[str]) -> str:
+    number = len(match[1].split(", "))
     return f"{count(number, 'point')} that the manual leaves open (no run shows a difference)"
 
 

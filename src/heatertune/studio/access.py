@@ -136,8 +136,8 @@ class Gate:
             return ""
         return "" if cookie is None else cookie.value
 
-    def _matches(self, given: str) -> bool:
-        return secrets.compare_digest(given.encode(), self._token.encode())
+    def _matches(self, text: str) -> bool:
+        return secrets.compare_digest(text.encode(), self._token.encode())
 
 
 _TOO_MUCH: Final = b"413: a log may have up to 50 MB\n"

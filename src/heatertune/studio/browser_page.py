@@ -22,7 +22,7 @@ from heatertune.proof.as_left import AsLeft
 from heatertune.proof.design_request import with_pwm
 from heatertune.proof.verdict import NOT_PROVEN, samples_told
 from heatertune.report.html import text_of
-from heatertune.report.text import samples_rows
+from heatertune.report.report_text import samples_rows
 from heatertune.studio import charts, views
 from heatertune.studio.access import LARGEST_LOG
 from heatertune.studio.charts import live_charts

@@ -11,8 +11,8 @@ import numpy as np
 
 from heatertune.arrays import Array
 from heatertune.heater.exact import since_step
-from heatertune.log.values import Log
-from heatertune.model.values import FittedModel, HeaterModel
+from heatertune.log.log_values import Log
+from heatertune.model.model_values import FittedModel, HeaterModel
 from heatertune.pid.search.robust import interval_ends
 from heatertune.report.plots import LOOK
 from heatertune.studio.live_log import RecordedTrace
@@ -163,12 +163,12 @@ def key_of(look: LoopView, picture: Picture, pinned: Sequence[PinnedDesign] = ()
 
 
 def _over(
-    picture: Picture, name: str, line: Line, look: str, *, within: float = 0.0, pieces: int = _PIECES, **other: Any
+    picture: Picture, name: str, line: Line, look: str, *, within: float = 0.0, pieces: int = _PIECES, **right: Any
 ) -> Options:
     """Return a line over the picture's axis, without the points that nobody would miss."""
     across, values = picture.place(line[0]), line[1]
     kept = straight(across, values, within or _WITHIN * float(np.ptp(values)), pieces)
-    return _line(name, across[kept], values[kept], look, **other)
+    return _line(name, across[kept], values[kept], look, **right)
 
 
 def _worst(picture: Picture, line: Line) -> Options:

@@ -17,7 +17,7 @@ from heatertune.plc import NAMES, controller_for
 from heatertune.plc.inputs import INPUTS
 from heatertune.proof.ripple_and_wear import SWITCHES
 from heatertune.proof.specification import PRESETS
-from heatertune.report.text import figure
+from heatertune.report.report_text import figure
 from heatertune.studio.charts import Options
 from heatertune.studio.loop_settings import SLIDERS, Slider, StudioSettings
 from heatertune.terms import terms_in
@@ -120,8 +120,8 @@ _FACTS: Final = tuple(slider for slider in SLIDERS if slider is not _LARGE)
 class Controls:
     """The column of controls; `moved` is called with the fields that the user changed."""
 
-    def __init__(self, moved: ChangeCallback, seen: Callable[[int], object]) -> None:
-        self._moved, self._seen = moved, seen
+    def __init__(self, moved: ChangeCallback, on_change: Callable[[int], object]) -> None:
+        self._moved, self._seen = moved, on_change
         self._silent = False
         self._placed: dict[str, str] = {}
         self._elements: dict[str, ui.element] = {}
@@ -222,17 +222,17 @@ class Controls:
         finally:
             self._silent = False
 
-    def _place(self, slider: Slider, given: float | None, chosen: float | None) -> None:
+    def _place(self, slider: Slider, value: float | None, chosen: float | None) -> None:
         element = self._elements[slider.field]
         if slider is _LARGE:
-            assert given is not None
-            self._ms.set_text(f"Ms {figure(given)}")
-            element.props(f'aria-valuetext="Ms {figure(given)}"')
-            self._set(slider.field, element, "value", f"{given:g}")
+            assert value is not None
+            self._ms.set_text(f"Ms {figure(value)}")
+            element.props(f'aria-valuetext="Ms {figure(value)}"')
+            self._set(slider.field, element, "value", f"{value:g}")
             return
         auto = "" if chosen is None else f"{figure(chosen)} auto"
         element.props(f'placeholder="{auto}"')
-        self._set(slider.field, element, "value", "" if given is None else f"{given:g}")
+        self._set(slider.field, element, "value", "" if value is None else f"{value:g}")
 
     def _set(self, name: str, element: ui.element, attribute: str, value: str) -> None:
         """Set what the browser holds; not as a property: Vue would put it back under the user's hand."""

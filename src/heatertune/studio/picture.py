@@ -253,8 +253,8 @@ def _beyond(proof: Proof, phase: Phase, step: float) -> Iterator[float]:
             yield limit / 100.0 * step if CRITERION[name].of else limit
 
 
-def _side(begin_s: float, end_s: float, asked: float, far: float, *, up: bool, name: str) -> Wall:
-    low, high = (asked + far, np.inf) if up else (-np.inf, asked - far)
+def _side(begin_s: float, end_s: float, setpoint_degC: float, far: float, *, up: bool, name: str) -> Wall:
+    low, high = (setpoint_degC + far, np.inf) if up else (-np.inf, setpoint_degC - far)
     return Wall(begin_s=begin_s, end_s=end_s, low_degC=low, high_degC=high, name=name)
 
 

@@ -16,13 +16,13 @@ from typing import Any, Final, TypeVar
 from heatertune import chain
 from heatertune.chain.documents import read_documents
 from heatertune.errors import ExportRefused, HeatertuneError, InputError
-from heatertune.log.values import BUILT_IN, Log
-from heatertune.model.document import from_document
-from heatertune.model.values import FittedModel
+from heatertune.log.log_values import BUILT_IN, Log
+from heatertune.model.model_document import from_document
+from heatertune.model.model_values import FittedModel
 from heatertune.options import options_of
-from heatertune.pid import document as pid_document
-from heatertune.pid.document import DesignProvenance
-from heatertune.pid.values import PidDesign
+from heatertune.pid import design_document as pid_document
+from heatertune.pid.design_document import DesignProvenance
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc.word_selection import search_document
 from heatertune.processors import ProgressCallback
 from heatertune.proof import Proof
@@ -124,9 +124,9 @@ def _without_place(recipe: DesignProvenance) -> Iterator[str]:
                 if name not in placed and getattr(asked, name) != one.default)
 
 
-def fit_log(log: Log, progress: ProgressCallback = str, known: FitSettings | None = None) -> FittedModel:
+def fit_log(log: Log, progress: ProgressCallback = str, settings: FitSettings | None = None) -> FittedModel:
     """Return the heater behind a log, as `heatertune design` finds it; arguments and errors as there."""
-    return chain.fit(log, known, companions=True, progress=progress)
+    return chain.fit(log, settings, companions=True, progress=progress)
 
 
 MOST_PINNED: Final = 4
@@ -227,10 +227,10 @@ class Session:
                 self._taken.add(self.key)
                 self.take_design(self.key, source.outcome)
 
-    def begin(self, log: Log, known: FitSettings | None = None) -> int:
+    def begin(self, log: Log, settings: FitSettings | None = None) -> int:
         """Take a new log; return the ticket of its fit. Heater and loop of the log before stay until it is done."""
         self._begun += 1
-        self.coming, self.known = log, known or FitSettings()
+        self.coming, self.known = log, settings or FitSettings()
         self.file_error = self.fault = ""
         return self._begun
 
@@ -348,10 +348,10 @@ class Session:
             self._serve(found)
         self.known_look()
 
-    def _serve(self, found: DesignOutcome) -> None:
+    def _serve(self, outcome: DesignOutcome) -> None:
         """Let a plain optimum that was taken serve other settings of the proof, too."""
-        if not found.result.notes:
-            _keep(self._gains, self._words_key(), replace(found.gains, recipe=None, conditions=None, proof=None))
+        if not outcome.result.notes:
+            _keep(self._gains, self._words_key(), replace(outcome.gains, recipe=None, conditions=None, proof=None))
 
     def allow(self, moved: Mapping[str, Any]) -> None:
         """Move settings as a mend offers; `take_back` knows what they were."""
@@ -432,9 +432,9 @@ class Session:
         """What the design in front does on drawn heaters; None where it was not asked for, or is not proven."""
         return self._of_front(self._drawn)
 
-    def _of_front(self, kept: Mapping[Ticket, tuple[Proof, _Beside]]) -> _Beside | None:
+    def _of_front(self, proofs: Mapping[Ticket, tuple[Proof, _Beside]]) -> _Beside | None:
         """Return what is kept beside the proof of the design in front; None where there is none of that very proof."""
-        proof, beside = kept.get(self.ticket, (None, None))
+        proof, beside = proofs.get(self.ticket, (None, None))
         return beside if proof is self.proof else None
 
     @property

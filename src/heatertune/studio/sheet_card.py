@@ -24,11 +24,11 @@ from heatertune.errors import HeatertuneError, InputError, LogError
 from heatertune.log import read_log
 from heatertune.log.cells import plain_cells, read_sheet
 from heatertune.log.columns import NO_COLUMN, find_columns, with_names
+from heatertune.log.log_values import Log
 from heatertune.log.on_change import is_quality
 from heatertune.log.quantities import role_of
 from heatertune.log.sheet import Sheet
 from heatertune.log.tags import TagSelection, places
-from heatertune.log.values import Log
 from heatertune.options import Option, options_of
 from heatertune.report.html import bullets, text_of
 from heatertune.settings import FitSettings, ReadSettings
@@ -557,17 +557,17 @@ def preview(log: Log) -> str:
             + ("" if power is None else f", power from {power.min():.4g} to {power.max():.4g} %"))
     lines = _path(time, temperature, (low, high), (_EDGE, _HIGH), "temperature")
     if power is not None:
-        lines += _path(time, power, (0.0, 100.0), (_HIGH + _EDGE, _HIGH + _EDGE + _LOW), "power", held=True)
+        lines += _path(time, power, (0.0, 100.0), (_HIGH + _EDGE, _HIGH + _EDGE + _LOW), "power", fixed=True)
     return (f'<figure class="preview"><svg viewBox="0 0 {_WIDE} {_HIGH + below + _EDGE}" role="img" '
             f'aria-label="{text_of(said)}">{lines}</svg><figcaption>{text_of(said)}</figcaption></figure>')
 
 
 def _path(
     time: Array, values: Array, range_: tuple[float, float], place: tuple[float, float], kind: str, *,
-    held: bool = False,
+    fixed: bool = False,
 ) -> str:
     (low, high), (top, bottom) = range_, place
-    time, values = step_corners(time, values) if held else (time, values)
+    time, values = step_corners(time, values) if fixed else (time, values)
     kept = downsample(time, values, _WIDE // 2)
     x, y = time[kept], values[kept]
     across = (x - time[0]) / (time[-1] - time[0]) * _WIDE

@@ -6,17 +6,17 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Final
 
-from heatertune.log.values import Log
-from heatertune.model.document import to_document
-from heatertune.model.values import FittedModel
-from heatertune.pid.values import PidDesign
+from heatertune.log.log_values import Log
+from heatertune.model.model_document import to_document
+from heatertune.model.model_values import FittedModel
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import controller_for
 from heatertune.plc.keyed_entry import FIRST, THEN, KeyedEntry, typed_words
 from heatertune.proof import Proof
 from heatertune.proof.ripple_and_wear import life
 from heatertune.proof.verdict import verdict_brief, verdict_details
 from heatertune.report.html import Markup, bullets, table, text_of
-from heatertune.report.text import criterion_value, figure, model_rows
+from heatertune.report.report_text import criterion_value, figure, model_rows
 from heatertune.studio.loop_settings import LoopView
 from heatertune.studio.picture import Picture
 from heatertune.studio.session import PinnedDesign

@@ -16,7 +16,7 @@ from heatertune.cache import folder
 from heatertune.compiled import decide
 from heatertune.compiled.loader import host
 from heatertune.errors import HeatertuneError
-from heatertune.model.values import Fopdt, model_by_hand
+from heatertune.model.model_values import Fopdt, model_by_hand
 from heatertune.plc import TARGETS
 from heatertune.studio.loop_settings import StudioSettings, first_look
 

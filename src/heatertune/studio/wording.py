@@ -51,8 +51,8 @@ def for_page(text: str) -> str:
     """Return a sentence without the options of the command line, in the names of the page."""
     for pattern, sentence in _SENTENCES:
         text = pattern.sub(sentence, text)
-    text = _NO_COLUMN.sub(lambda found: f"no {found[1]} chosen", _LEFT_OUT.sub("", text))
-    text = _OPTION.sub(lambda found: _CALLED.get(found[1], f"‘{found[1].replace('-', ' ')}’"), text)
+    text = _NO_COLUMN.sub(lambda match: f"no {match[1]} chosen", _LEFT_OUT.sub("", text))
+    text = _OPTION.sub(lambda match: _CALLED.get(match[1], f"‘{match[1].replace('-', ' ')}’"), text)
     return re.sub(r":(?=[).,;]|$)", "", text) if "unit:" in text else text
 
 
@@ -94,18 +94,18 @@ class SuggestedChange:
     changes: Mapping[str, Any] = field(default_factory=dict)
 
 
-def mend_for(found: DesignResult, settings: StudioSettings) -> SuggestedChange:
+def mend_for(result: DesignResult, settings: StudioSettings) -> SuggestedChange:
     """Return the offer of a design that was found for settings whose words fail."""
-    if found.proof.verdict != "FAIL":
-        notes = [note for note in found.notes if not note.startswith("Under ")]
+    if result.proof.verdict != "FAIL":
+        notes = [note for note in result.notes if not note.startswith("Under ")]
         told = notes[0] if notes else "The optimum keeps every limit; the gains in front were found in haste."
         return SuggestedChange(message=_plain(told), button="Show the nearest design that passes")
-    told = _plain(found.notes[-1]) if found.notes else "Nothing tried mends it."
-    moved = dict(_moved(found.passes_with, settings))
+    told = _plain(result.notes[-1]) if result.notes else "Nothing tried mends it."
+    moved = dict(_moved(result.passes_with, settings))
     if not moved:
         return SuggestedChange(message=told)
     button = "Take that as known" if "assumptions" in moved else (
-        "Ask for that" if {*found.passes_with[::2]} <= {*_ASKED} else "Allow that much")
+        "Ask for that" if {*result.passes_with[::2]} <= {*_ASKED} else "Allow that much")
     return SuggestedChange(message=told, changes=moved, button=button)
 
 
@@ -134,12 +134,12 @@ def _moved(options: tuple[str, ...], settings: StudioSettings) -> Iterator[tuple
             yield _FIELDS[flag], None if value == "auto" else value if flag == "--structure" else float(value)
 
 
-def _plain(told: str) -> str:
+def _plain(message: str) -> str:
     """Return a sentence without options of the command line."""
-    told = _SWITCH.sub(lambda found: f"{found[1]} = {found[2]}" if found[1] else "", told)
-    told = _LIMIT.sub(lambda found: f"{found[1].replace('-', ' ')} up to {found[2]}", told)
-    told = _INTERVAL.sub(r"TA = \1 s and", _TA_AUTO.sub("a TA found with the design", told))
-    told = _STRUCTURE.sub(lambda found: f"the structure {found[1].upper()}", _MS.sub(r"Ms up to \1", told))
-    told = _SETPOINT.sub(r"a setpoint of \1 °C", told)
-    told = for_page(_BURST.sub("", _TOLERANCE.sub(r"a tolerance of \1 °C", told)))
-    return told if told.endswith(".") else f"{told}."
+    message = _SWITCH.sub(lambda match: f"{match[1]} = {match[2]}" if match[1] else "", message)
+    message = _LIMIT.sub(lambda match: f"{match[1].replace('-', ' ')} up to {match[2]}", message)
+    message = _INTERVAL.sub(r"TA = \1 s and", _TA_AUTO.sub("a TA found with the design", message))
+    message = _STRUCTURE.sub(lambda match: f"the structure {match[1].upper()}", _MS.sub(r"Ms up to \1", message))
+    message = _SETPOINT.sub(r"a setpoint of \1 °C", message)
+    message = for_page(_BURST.sub("", _TOLERANCE.sub(r"a tolerance of \1 °C", message)))
+    return message if message.endswith(".") else f"{message}."

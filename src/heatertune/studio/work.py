@@ -19,15 +19,15 @@ from heatertune.chain.pipeline import dossier
 from heatertune.codec import DATA, decode, encode, plain, to_json
 from heatertune.commissioned import AsLeftSettings
 from heatertune.errors import HeatertuneError
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.plc import controller_for
 from heatertune.processors import ProgressCallback
 from heatertune.proof.as_left import AsLeft, as_left
-from heatertune.proof.document import ProofView
+from heatertune.proof.proof_document import ProofView
 from heatertune.report.as_left_section import judged_text, measured_text, worst_text
 from heatertune.report.html import bullets, table, text_of
 from heatertune.report.plots import LOOK
-from heatertune.report.text import limit_text, readable_name
+from heatertune.report.report_text import limit_text, readable_name
 from heatertune.settings import FitSettings
 from heatertune.studio.charts import Options
 from heatertune.studio.live_log import LiveLog, RecordingRequest
@@ -66,7 +66,7 @@ def export_zip(standing: FrontDesign, *, force: bool) -> bytes:
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w") as archive:
         first = controller_for(gains.words.target).main_file
-        for name, content in sorted({**files, **documents}.items(), key=lambda one: (one[0] != first, one[0])):
+        for name, content in sorted({**files, **documents}.items(), key=lambda entry: (entry[0] != first, entry[0])):
             entry = zipfile.ZipInfo(name, _EPOCH)
             entry.compress_type = zipfile.ZIP_DEFLATED
             entry.external_attr = 0o644 << 16
@@ -160,9 +160,10 @@ def left_chart(left: AsLeft) -> Options:
     }
 
 
-def _line(name: str, time_s: Sequence[float], values: Sequence[float], other: Mapping[str, Any]) -> dict[str, Any]:
+def _line(name: str, time_s: Sequence[float], values: Sequence[float], document: Mapping[str, Any]) -> dict[str, Any]:
     points = [list(point) for point in zip(time_s, values, strict=True)]
-    return {"type": "line", "name": name, "showSymbol": False, "itemStyle": {"color": _BAND}, "data": points, **other}
+    look = {"type": "line", "showSymbol": False, "itemStyle": {"color": _BAND}}
+    return {**look, "name": name, "data": points, **document}
 
 
 _REST_S: Final = 0.15  # a slider that moves on within this time wants no proof yet
@@ -258,17 +259,17 @@ class Work:
             return
         await self._fit(log)
 
-    async def take(self, log: Log, known: FitSettings) -> None:
+    async def take(self, log: Log, settings: FitSettings) -> None:
         """Fit a log with what is known beside it."""
-        await self._fit(log, known)
+        await self._fit(log, settings)
 
-    async def _fit(self, log: Log, known: FitSettings | None = None) -> None:
+    async def _fit(self, log: Log, settings: FitSettings | None = None) -> None:
         session = self.session
-        ticket, self._fitting = session.begin(log, known), True
+        ticket, self._fitting = session.begin(log, settings), True
         self.tell()
 
         def run(tell: ProgressCallback) -> Any:
-            return fit_log(log, tell, known)
+            return fit_log(log, tell, settings)
 
         try:
             fitted = await self._told(run, f"fitting {log.name}", lambda: session.is_coming(ticket))

@@ -13,7 +13,7 @@ from heatertune.errors import InputError
 from heatertune.writing import write_files
 
 if TYPE_CHECKING:
-    from heatertune.model.values import FittedModel
+    from heatertune.model.model_values import FittedModel
     from heatertune.plc import Words
     from heatertune.settings import Conditions
 

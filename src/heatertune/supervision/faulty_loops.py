@@ -23,7 +23,7 @@ from heatertune.compiled import bound
 from heatertune.compiled.plain_functions import measure
 from heatertune.errors import OutOfRange
 from heatertune.heater.exact import time_to
-from heatertune.model.values import HeaterModel
+from heatertune.model.model_values import HeaterModel
 from heatertune.plc.pwm import Actuator
 from heatertune.proof.kernel import LOAD, MAINS, LoopBatch, TraceArrays
 from heatertune.proof.loop import LoopController, program_of, pulses_of, ring_size, run_with, scans_of

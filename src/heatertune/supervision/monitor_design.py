@@ -169,23 +169,23 @@ def _windows(numbers: Numbers, state: Any, readings: Any, powers: Any, blocks: i
     return rows
 
 
-def tally(numbers: Numbers, one: Ran, rest: tuple[int, int]) -> Tally:
+def tally(numbers: Numbers, run: Ran, rest: tuple[int, int]) -> Tally:
     """Return the extremes of a loop in order; within the scans `rest` it is at rest."""
     out = np.zeros(_TALLIES, dtype=np.int64)
     out[0] = 1 << 40
-    compile_function(_tallied)(numbers, _state(), one.counts, one.power, rest[1], rest[0], out)
+    compile_function(_tallied)(numbers, _state(), run.counts, run.power, rest[1], rest[0], out)
     return Tally(*out.tolist())
 
 
-def windows(numbers: Numbers, one: Ran, blocks: int, *, largest: bool) -> npt.NDArray[np.int64]:
+def windows(numbers: Numbers, run: Ran, blocks: int, *, largest: bool) -> npt.NDArray[np.int64]:
     """Return movement, level and power of each window of a loop, shape (n, 3)."""
-    out = np.empty((len(one.counts) // numbers.block + 1, 3), dtype=np.int64)
-    return out[:compile_function(_windows)(numbers, _state(), one.counts, one.power, blocks, largest, out)]
+    out = np.empty((len(run.counts) // numbers.block + 1, 3), dtype=np.int64)
+    return out[:compile_function(_windows)(numbers, _state(), run.counts, run.power, blocks, largest, out)]
 
 
-def first_alarm(numbers: Numbers, one: Ran, first: int = 0) -> tuple[int, int]:
+def first_alarm(numbers: Numbers, run: Ran, first: int = 0) -> tuple[int, int]:
     """Return the scan of the first alarm from a scan on, -1 for none, and the alarm."""
-    at, alarm = compile_function(watch)(numbers, _state(), one.counts, one.power, first)
+    at, alarm = compile_function(watch)(numbers, _state(), run.counts, run.power, first)
     return int(at), int(alarm)
 
 
@@ -343,10 +343,10 @@ def _limits(
     """Return the numbers of the rules without a window, and which of them are off and why."""
     family, scan = bench.family, bench.family.scan_s
     rest = (int((family.settled_s() - 2.0 * family.slowest_s) / scan), int(family.settled_s() / scan))
-    first = threaded_list(lambda one: tally(bare, one, rest), runs)
+    first = threaded_list(lambda entry: tally(bare, entry, rest), runs)
     swing = max(4 * bare.block, math.ceil(1.5 * max(one.steady for one in first)))
     watching = bare._replace(swing=swing, growths=RING)
-    of = threaded_list(lambda one: tally(watching, one, rest), runs)
+    of = threaded_list(lambda entry: tally(watching, entry, rest), runs)
     share = _MARGIN * wider
     span = max(one.high for one in of) - min(one.low for one in of)
 

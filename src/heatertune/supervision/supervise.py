@@ -25,7 +25,7 @@ from heatertune.codec import encode
 from heatertune.compiled import compile_function
 from heatertune.errors import InputError
 from heatertune.model.cooler_mirror import cools
-from heatertune.model.values import FittedModel
+from heatertune.model.model_values import FittedModel
 from heatertune.plc import Words, controller_for
 from heatertune.plc.klipper.controller import heater_of
 from heatertune.plc.open_points import settings_to_prove
@@ -36,14 +36,6 @@ from heatertune.proof.prove_words import actuator_for, setpoints_for
 from heatertune.proof.scenario import Scenario
 from heatertune.proof.spec_file import specification_of
 from heatertune.settings import Conditions
-from heatertune.supervision.document import (
-    CardView,
-    FaultView,
-    OffView,
-    SpreadView,
-    SupervisionView,
-    TraceView,
-)
 from heatertune.supervision.faulty_loops import (
     FAULTS,
     Card,
@@ -55,6 +47,14 @@ from heatertune.supervision.faulty_loops import (
 )
 from heatertune.supervision.monitor import ALARMS, Numbers
 from heatertune.supervision.monitor_design import FRESH, Bench, MonitorDesign, design, first_alarm
+from heatertune.supervision.monitor_document import (
+    CardView,
+    FaultView,
+    OffView,
+    SpreadView,
+    SupervisionView,
+    TraceView,
+)
 from heatertune.supervision.text.one_bit import TARGET, reduce_monitor
 from heatertune.supervision.text.program_check import MonitorProgram, export_monitor
 from heatertune.units import check, written
@@ -114,13 +114,13 @@ class _Record:
 
 
 def klipper(  # noqa: C901 - one branch for each of the rule, told from its begin to its end
-    rule: Any, seen: Any, target: Any, scan_s: float, first: int
+    rule: Any, snapshot: Any, target: Any, scan_s: float, first: int
 ) -> tuple[int, float]:
     """Return the scan at which Klipper stops, -1 for never, and the largest error that could have."""
     last, error, most, goal, due = 0.0, 0.0, 0.0, 0.0, 0.0
     way, begun, until = False, False, 0.0
-    for k in range(len(seen)):
-        now, aim, temperature = k * scan_s, target[k], seen[k]
+    for k in range(len(snapshot)):
+        now, aim, temperature = k * scan_s, target[k], snapshot[k]
         if k >= first and aim > 0.0 and not rule.min_temp <= temperature <= rule.max_temp:
             return k, most
         if now < due:
@@ -153,12 +153,12 @@ def klipper(  # noqa: C901 - one branch for each of the rule, told from its begi
     return -1, most
 
 
-def marlin(rule: Any, seen: Any, target: Any, scan_s: float, first: int) -> tuple[int, float]:
+def marlin(rule: Any, snapshot: Any, target: Any, scan_s: float, first: int) -> tuple[int, float]:
     """Return the scan at which Marlin stops, -1 for never, and for how long it was too cold once warm [s]."""
     last, warm, right, most = 0.0, False, 0.0, 0.0
     goal, until = 0.0, -1.0
-    for k in range(len(seen)):
-        now, aim, temperature = k * scan_s, target[k], seen[k]
+    for k in range(len(snapshot)):
+        now, aim, temperature = k * scan_s, target[k], snapshot[k]
         if k >= first and aim > 0.0 and not rule.min_temp <= temperature <= rule.max_temp:
             return k, most
         asked, last = aim != last, aim
@@ -181,9 +181,9 @@ def marlin(rule: Any, seen: Any, target: Any, scan_s: float, first: int) -> tupl
     return -1, most
 
 
-def first_stop(rule: Rule, bench: Bench, one: Ran, first: int) -> int:
+def first_stop(rule: Rule, bench: Bench, run: Ran, first: int) -> int:
     """Return the scan at which a printer stops a loop with a fault, -1 for never."""
-    return _ran(rule, _fault_record(bench, one, first))[0]
+    return _ran(rule, _fault_record(bench, run, first))[0]
 
 
 def printer_rule(bench: Bench, numbers: Numbers, target: str, checked: int, progress: ProgressCallback) -> Rule:
@@ -219,24 +219,24 @@ def printer_rule(bench: Bench, numbers: Numbers, target: str, checked: int, prog
     raise InputError(f"after {_BATCHES} tries {target}'s own rule still stops a heater in order")
 
 
-def lines_of(rule: Rule, head: Sequence[str], known: Mapping[str, str]) -> tuple[str, str]:
+def lines_of(rule: Rule, head: Sequence[str], stated: Mapping[str, str]) -> tuple[str, str]:
     """Return the file and the lines of a rule.
 
     Args:
         rule: of a printer.
         head: remarks at its beginning.
-        known: open point of the controller → its setting, the heater of the printer among them.
+        stated: open point of the controller → its setting, the heater of the printer among them.
     """
     if isinstance(rule, VerifyHeater):
         named = rule._asdict()
         limits = [f"min_temp: {named.pop('min_temp'):g}", f"max_temp: {named.pop('max_temp'):g}"]
-        text = [f"[verify_heater {heater_of(known)[1]}]", *(f"{name}: {value:g}" for name, value in named.items()), "",
+        text = [f"[verify_heater {heater_of(stated)[1]}]", *(f"{name}: {value:g}" for name, value in named.items()), "",
                 "# in the section of the heater, as its parts bear them:", *(f"# {line}" for line in limits)]
         return "klipper_verify_heater.cfg", "\n".join([*(f"# {line}" for line in head), *text]) + "\n"
-    bed, limit = ("BED_", "BED") if known.get("heater") == "bed" else ("", "HEATER_0")
+    bed, limit = ("BED_", "BED") if stated.get("heater") == "bed" else ("", "HEATER_0")
     defines = {f"THERMAL_PROTECTION_{bed}PERIOD": rule.period, f"THERMAL_PROTECTION_{bed}HYSTERESIS": rule.hysteresis,
                f"WATCH_{bed}TEMP_PERIOD": rule.watch_period, f"WATCH_{bed}TEMP_INCREASE": rule.watch_increase}
-    whose = [] if "heater" in known else ["// of a hot end; for a bed design with --assume heater=bed"]
+    whose = [] if "heater" in stated else ["// of a hot end; for a bed design with --assume heater=bed"]
     text = [*whose, *(f"#define {name} {value:g}" for name, value in defines.items() if value),
             "// in Configuration.h, as its parts bear them:", f"// #define {limit}_MINTEMP {rule.min_temp:g}",
             f"// #define {limit}_MAXTEMP {rule.max_temp:g}"]
@@ -249,9 +249,9 @@ def _ran(rule: Rule, record: _Record) -> tuple[int, float]:
     return int(at), float(most)
 
 
-def _record(card: Card, one: Ran, target: Array, first: int, scan_s: float) -> _Record:
-    seen = np.asarray(card.low_degC + card.step_degC * one.counts, dtype=np.float64)
-    return _Record(reading_degC=seen, target=np.where(one.power < 0, 0.0, target), first=first, scan_s=scan_s)
+def _record(card: Card, run: Ran, target: Array, first: int, scan_s: float) -> _Record:
+    seen = np.asarray(card.low_degC + card.step_degC * run.counts, dtype=np.float64)
+    return _Record(reading_degC=seen, target=np.where(run.power < 0, 0.0, target), first=first, scan_s=scan_s)
 
 
 def _story(bench: Bench, member: Any) -> _Record:
@@ -266,9 +266,9 @@ def _stopped(bench: Bench, rule: Rule, seed: int) -> _Record | None:
     return None if _ran(rule, record)[0] < 0 else record
 
 
-def _fault_record(bench: Bench, one: Ran, first: int) -> _Record:
+def _fault_record(bench: Bench, run: Ran, first: int) -> _Record:
     family = bench.family
-    return _record(bench.card, one, np.full(len(one.counts), family.setpoint_degC), first, family.scan_s)
+    return _record(bench.card, run, np.full(len(run.counts), family.setpoint_degC), first, family.scan_s)
 
 
 def _broken(bench: Bench, kind: Any, seed: int) -> _Record:
@@ -406,7 +406,7 @@ def supervise(
     family, card = bench.family, bench.card
     head, beside = list(_head(words, family, made, card)), list[FaultView]()
     if words.target in TARGETS:
-        write = partial(lines_of, head=head, known=dict(assumed.switches))
+        write = partial(lines_of, head=head, stated=dict(assumed.switches))
         program, beside = _by_printer(bench, made, words, drawn, write, progress)
     else:
         progress("comparing the program of the monitor with it")
@@ -481,12 +481,12 @@ def _fault(bench: Bench, first_of: _First, kind: FaultKind, drawn: SampleCounts)
         missed_because=None if len(late) == len(members) else _missed(kind))
 
 
-def _trace(bench: Bench, made: MonitorDesign, kind: FaultKind) -> TraceView:
+def _trace(bench: Bench, design: MonitorDesign, kind: FaultKind) -> TraceView:
     """Return a fault on one heater around its alarm: what it does if nobody sees it, and switched off by the alarm."""
     family, member = bench.family, bench.family.member(_LATER)
     first = math.ceil(bench.begins_s(kind) / family.scan_s)
     left = bench.fault(member, kind)
-    at, _ = first_alarm(made.numbers, left, first)
+    at, _ = first_alarm(design.numbers, left, first)
     stopped = left if at < 0 else bench.fault(member, kind, at * family.scan_s)
     lasts = max(4 * (at - first), int(_DRAWN_SHARE * family.slowest_s / family.scan_s))
     begin, end = max(0, first - lasts // 4), min(first + lasts, len(left.counts))
@@ -499,25 +499,25 @@ def _trace(bench: Bench, made: MonitorDesign, kind: FaultKind) -> TraceView:
 
 
 def _monitored(numbers: Numbers) -> _First:
-    def first_of(one: Ran, first: int) -> tuple[int, str]:
-        at, alarm = first_alarm(numbers, one, first)
+    def first_of(run: Ran, first: int) -> tuple[int, str]:
+        at, alarm = first_alarm(numbers, run, first)
         return at, ALARMS[alarm] if alarm else ""
     return first_of
 
 
 def _by_printer(
-    bench: Bench, made: MonitorDesign, words: Words, drawn: SampleCounts, write: Callable[[Rule], tuple[str, str]],
+    bench: Bench, design: MonitorDesign, words: Words, drawn: SampleCounts, write: Callable[[Rule], tuple[str, str]],
     progress: ProgressCallback
 ) -> tuple[MonitorProgram, list[FaultView]]:
     """Return the lines of a printer's own rule, and how soon it sees each fault."""
     try:
-        rule = printer_rule(bench, made.numbers, words.target, drawn.checked, progress)
+        rule = printer_rule(bench, design.numbers, words.target, drawn.checked, progress)
     except InputError as problem:
         return MonitorProgram(why=str(problem)), []
     file, text = write(rule)
 
-    def first_of(one: Ran, first: int) -> tuple[int, str]:
-        at = first_stop(rule, bench, one, first)
+    def first_of(run: Ran, first: int) -> tuple[int, str]:
+        at = first_stop(rule, bench, run, first)
         return at, "stops" if at >= 0 else ""
 
     rows = [_fault(bench, first_of, kind, drawn) for kind in FAULTS]
@@ -546,12 +546,12 @@ def _runs(bench: Bench, drawn: SampleCounts) -> list[Ran]:
     return [*threaded_list(bench.story, members), *threaded_list(lambda kind: bench.fault(members[0], kind), FAULTS)]
 
 
-def _head(words: Words, family: HeaterFamily, made: MonitorDesign, card: Card) -> Iterator[str]:
+def _head(words: Words, family: HeaterFamily, design: MonitorDesign, card: Card) -> Iterator[str]:
     """Return what the program says first."""
     yield (f"Supervision of the heater by {words.target}'s own rule, numbers by heatertune" if words.target in TARGETS
            else f"Monitor of the heater beside the controller of {words.target}, written by heatertune")
     yield from textwrap.wrap(WARNING, 100)
-    yield (f"proven: no false trip on {made.checked} drawn heaters; setpoint {family.setpoint_degC:g} degC, called "
+    yield (f"proven: no false trip on {design.checked} drawn heaters; setpoint {family.setpoint_degC:g} degC, called "
            f"every {family.scan_s:g} s")
     yield f"count 0 = {card.low_degC:g} degC, a count = {card.step_degC:.6g} degC"
     yield "not tried in the maker's own tool or machine"
@@ -561,9 +561,9 @@ def _seconds(time: float) -> str:
     return f"{written(time, 3)} s"
 
 
-def _told(made: MonitorDesign, card: Card, scan: float) -> Iterator[str]:
+def _told(design: MonitorDesign, card: Card, scan: float) -> Iterator[str]:
     """Return what the numbers mean, one sentence for each rule."""
-    numbers, step = made.numbers, card.step_degC
+    numbers, step = design.numbers, card.step_degC
     block = numbers.block * scan
     yield f"A block is {numbers.block} scans, {_seconds(block)}."
     yield (f"Sensor gone: below {card.low_degC + step * numbers.low:.4g} °C or above "

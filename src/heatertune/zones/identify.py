@@ -23,9 +23,9 @@ from heatertune.errors import InputError, OutOfRange
 from heatertune.log import read_log
 from heatertune.log.cells import read_sheet
 from heatertune.log.columns import with_names
+from heatertune.log.log_values import MIN_SAMPLES, Log
 from heatertune.log.quantities import is_second_choice, role_of
 from heatertune.log.side_columns import is_cooling, is_fan
-from heatertune.log.values import MIN_SAMPLES, Log
 from heatertune.model.findings import Finding
 from heatertune.model.statistics import Interval
 from heatertune.options import merge_options

@@ -18,10 +18,10 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.errors import InputError
+from heatertune.model.model_values import Candidate, FitOutcome, FittedModel, Fopdt
 from heatertune.model.statistics import Interval
-from heatertune.model.values import Candidate, FitOutcome, FittedModel, Fopdt
+from heatertune.pid.design_values import PidDesign
 from heatertune.pid.sampled_loop import controller_response
-from heatertune.pid.values import PidDesign
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.design import tune
 from heatertune.plc.word_selection import choose_words

@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from heatertune.arrays import Array
 from heatertune.errors import InputError, OutOfRange
-from heatertune.model.values import Fopdt, HeaterModel, TwoLag
+from heatertune.model.model_values import Fopdt, HeaterModel, TwoLag
 from heatertune.units import check
 
 __all__ = [

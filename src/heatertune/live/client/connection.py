@@ -157,17 +157,17 @@ def _parts(path: str) -> list[str]:
     return [part for part in path.split("/") if part]
 
 
-def _block(text: str, scheme: str, found: str) -> int:
-    number = int(found[2:])
+def _block(text: str, scheme: str, name: str) -> int:
+    number = int(name[2:])
     if number > _MOST_BLOCK[scheme]:
-        raise _wrong(text, scheme, f"block {found} is beyond db{_MOST_BLOCK[scheme]}")
+        raise _wrong(text, scheme, f"block {name} is beyond db{_MOST_BLOCK[scheme]}")
     return number
 
 
-def _whole(text: str, scheme: str, what: str, found: str, most: int) -> int:
-    if not (found.isascii() and found.isdigit() and len(found) < 7 and int(found) <= most):
-        raise _wrong(text, scheme, f"{what} {found!r} is no whole number 0…{most}")
-    return int(found)
+def _whole(text: str, scheme: str, what: str, name: str, most: int) -> int:
+    if not (name.isascii() and name.isdigit() and len(name) < 7 and int(name) <= most):
+        raise _wrong(text, scheme, f"{what} {name!r} is no whole number 0…{most}")
+    return int(name)
 
 
 def _wrong(text: str, scheme: str, problem: str) -> InputError:

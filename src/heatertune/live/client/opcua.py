@@ -106,11 +106,11 @@ class OpcuaClient(RequestConnection):
             TimestampsToReturn=ua.TimestampsToReturn.Source, NodesToRead=[wanted]))
         return found
 
-    def _content(self, found: ua.DataValue, what: str) -> bytes:
+    def _content(self, data_value: ua.DataValue, what: str) -> bytes:
         """Return the bytes of a value."""
-        if found.StatusCode.value != _GOOD:
-            raise self._refused(what, f"{found.StatusCode.name}, {found.StatusCode.doc}")
-        value = found.Value
+        if data_value.StatusCode.value != _GOOD:
+            raise self._refused(what, f"{data_value.StatusCode.name}, {data_value.StatusCode.doc}")
+        value = data_value.Value
         if value is None or value.VariantType not in (ua.VariantType.ByteString, ua.VariantType.Byte):
             kind = "nothing" if value is None else value.VariantType.name
             raise self._refused(what, f"it holds {kind}, not a ByteString or an array of Byte")

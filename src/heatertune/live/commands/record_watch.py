@@ -280,12 +280,12 @@ def _run_watch(settings: argparse.Namespace) -> int:
     return 0 if well else 1
 
 
-def _unmoved(beside: BandWatch, so_far: RecordingState) -> str:
+def _unmoved(watch: BandWatch, so_far: RecordingState) -> str:
     """Return that nothing is known, for nothing that was read has changed and no counter says that it is new."""
-    seen = beside.seen
+    seen = watch.seen
     if so_far.interval_s is not None or so_far.tells_new or seen.readings == 0:
         return ""
-    if seen.still_s < min(seen.seconds, beside.window_s):
+    if seen.still_s < min(seen.seconds, watch.window_s):
         return ""
     return (f"{_NOT_JUDGED}: nothing that was read has changed for {seen.still_s:.4g} s, and no counter is read: a CPU "
             "that stands, a frozen sensor and a loop at rest look the same. Watch for longer")
@@ -293,7 +293,7 @@ def _unmoved(beside: BandWatch, so_far: RecordingState) -> str:
 
 def _monitored(path: str | None, proven: ProvenWords) -> OnlineMonitor | None:
     from heatertune.live.loop_watch import OnlineMonitor
-    from heatertune.supervision.document import read_supervision
+    from heatertune.supervision.monitor_document import read_supervision
 
     if path is None:
         return None
@@ -305,7 +305,7 @@ def _monitored(path: str | None, proven: ProvenWords) -> OnlineMonitor | None:
 
 
 def _shown(
-    settings: argparse.Namespace, beside: BandWatch, monitored: OnlineMonitor | None
+    settings: argparse.Namespace, watch: BandWatch, monitored: OnlineMonitor | None
 ) -> Callable[[RecordingState], object]:
     begun, last = time.monotonic(), [0]
     shown_notes: list[str] = []
@@ -314,11 +314,11 @@ def _shown(
         show_notes(so_far, shown_notes)
         if so_far.last is not None and so_far.rows > last[0]:
             last[0] = so_far.rows
-            beside.see(so_far.last)
+            watch.see(so_far.last)
             if monitored is not None:
                 monitored.see(so_far.last)
         if not settings.quiet:
-            seen = beside.seen
+            seen = watch.seen
             band = "" if seen.band is None else f"; proven {seen.band[0]:.4g}…{seen.band[1]:.4g} °C"
             told = (*seen.notes(), *(() if monitored is None else monitored.messages()))
             found = f" NOT WELL: {told[-1]}" if told else ""

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from heatertune.live.experiment import Experiment, ExperimentResult
     from heatertune.live.recorder import RecordingState
     from heatertune.live.schedule import Aims
-    from heatertune.model.values import HeaterModel
+    from heatertune.model.model_values import HeaterModel
 
 __all__ = ["EXPERIMENT_EXAMPLE", "add_experiment"]
 
@@ -116,7 +116,7 @@ def _aims(said: list[str]) -> Aims:
     return Aims(shares=shares)
 
 
-def _agree(settings: argparse.Namespace, whole: Experiment, found: tuple[str, ...]) -> None:
+def _agree(settings: argparse.Namespace, whole: Experiment, differences: tuple[str, ...]) -> None:
     """Ask for the yes."""
     if not whole.has_dead_man and not settings.without_dead_man:
         raise InputError("no dead man is known of this PLC: if this machine died, the power would stay as it is; "
@@ -125,7 +125,7 @@ def _agree(settings: argparse.Namespace, whole: Experiment, found: tuple[str, ..
         return
     if not sys.stdin.isatty():
         raise InputError("experiment asks before it begins: answer at a terminal, or say --yes")
-    print(*(f"- {each}" for each in found), sep="\n", file=sys.stderr)
+    print(*(f"- {each}" for each in differences), sep="\n", file=sys.stderr)
     plan = whole.plan
     print(f"Up to {max(plan.powers):g} % in manual for {plan.ends_s:.0f} s; stops at {settings.limit_temperature:g} "
           "°C. Start? Type yes: ", end="", flush=True, file=sys.stderr)

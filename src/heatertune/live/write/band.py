@@ -383,9 +383,9 @@ class _Watch:
                     "loop at rest look the same")
         return ""
 
-    def _band_from(self, asked: float, seen: float) -> Band:
+    def _band_from(self, setpoint_degC: float, temperature_degC: float) -> Band:
         slope = linear_regression(*zip(*self._way, strict=True)).slope if len(self._way) > 1 else 0.0
-        return Band.of(self._proven, asked, seen, slope * self._carried_s)
+        return Band.of(self._proven, setpoint_degC, temperature_degC, slope * self._carried_s)
 
     def _is_new(self, look: BlockSnapshot) -> bool:
         return self._last is None or look.is_new(self._last) is not False

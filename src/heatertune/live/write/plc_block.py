@@ -150,7 +150,7 @@ class BlockImage:
         """
         now, then = self.values(content), self.with_words(content, values)
         runs: list[tuple[list[str], int, int]] = []
-        for name, signal in sorted(self._changed(now, values), key=lambda one: one[1].start):
+        for name, signal in sorted(self._changed(now, values), key=lambda entry: entry[1].start):
             begin, end = self._around(signal)
             if runs and runs[-1][2] >= begin and self.together:
                 names, first, last = runs[-1]

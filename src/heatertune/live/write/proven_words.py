@@ -14,16 +14,16 @@ from typing import Any, Final
 from heatertune.codec import Document, data_folder, decode, read_document
 from heatertune.errors import ExportRefused, HeatertuneError, InputError, OutOfRange
 from heatertune.live.write.plc_block import BlockImage, BlockSnapshot, runs
-from heatertune.model.values import FittedModel
+from heatertune.model.model_values import FittedModel
 from heatertune.pid.sampled_loop import margins
 from heatertune.plc import Words, controller_for
 from heatertune.plc.ramp import Number
 from heatertune.plc.words import check_fields
 from heatertune.processors import ProgressCallback
 from heatertune.proof.acceptance import Acceptance, Coverage
-from heatertune.proof.document import ProofView
 from heatertune.proof.heaters import labelled_heaters
 from heatertune.proof.proof import prove_models
+from heatertune.proof.proof_document import ProofView
 from heatertune.proof.repetition import repeat_proof
 from heatertune.proof.setpoint_ramp import prove_ramped
 from heatertune.proof.verdict import PROOF_SCHEMA, derived_verdict, verdict_line
@@ -313,14 +313,14 @@ def _setpoint(proven: ProvenWords, standing: BlockImage, look: BlockSnapshot) ->
                  f"; proven from {min(asked):.4g} to {max(asked):.4g} °C"))
 
 
-def refusal_reason(found: list[Check]) -> str:
+def refusal_reason(checks: list[Check]) -> str:
     """Return why nothing is written, a sentence; nothing where all agrees.
 
     Raises:
         InputError: nobody has said what the PLC does not tell.
     """
-    if wrong := [f"{check.name} {check.message}" for check in found if check.ok is False]:
+    if wrong := [f"{check.name} {check.message}" for check in checks if check.ok is False]:
         return "; ".join(wrong)
-    if unsaid := [check.option for check in found if check.ok is None and check.option]:
+    if unsaid := [check.option for check in checks if check.ok is None and check.option]:
         raise InputError(f"what the block does not hold has to be said, if it is so: {' '.join(unsaid)}")
     return ""

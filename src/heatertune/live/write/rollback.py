@@ -93,18 +93,18 @@ def _check_bytes(begin: Mapping[str, Any], there: BlockImage, content: bytes, pa
             raise ValueError(f"parts: {', '.join(part.names)}: other bytes than were there before")
 
 
-def stands(before: Values, after: Values, found: Values, names: list[str]) -> tuple[WriteOutcome, str]:
+def stands(before: Values, after: Values, values: Values, names: list[str]) -> tuple[WriteOutcome, str]:
     """Return what stands in a PLC, held against a write.
 
     Args:
         before: all words as they were.
         after: all words as they were to be.
-        found: all words as they stand.
+        values: all words as they stand.
         names: of the words that were to change.
     """
-    as_before = [name for name in names if found[name] == before[name]]
-    written = [name for name in names if found[name] == after[name]]
-    others = [f"{name} is {found[name]:g}" for name in names if name not in (*as_before, *written)]
+    as_before = [name for name in names if values[name] == before[name]]
+    written = [name for name in names if values[name] == after[name]]
+    others = [f"{name} is {values[name]:g}" for name in names if name not in (*as_before, *written)]
     if len(as_before) == len(names):
         return WriteOutcome.NOT_DONE, "the words stand there as before"
     if len(written) == len(names):
@@ -149,20 +149,20 @@ def inspect_write(before: Before, link: LinkSettings | None = None) -> WriteEnd:
     return ended
 
 
-def not_proven(before: Before, found: Values) -> str:
+def not_proven(before: Before, present_values: Values) -> str:
     """Return why the words that a rollback leaves in the PLC are not proven, a sentence; empty where they are.
 
     They are proven on the heater and under the conditions of the folder that was written from, where it is still there.
 
     Args:
         before: what the record says.
-        found: all words as they stand in the PLC.
+        present_values: all words as they stand in the PLC.
     """
-    back = _put_back(before, found)
+    back = _put_back(before, present_values)
     if not back:
         return ""
     there = before.image
-    values = {name: value for name, value in {**found, **back}.items()
+    values = {name: value for name, value in {**present_values, **back}.items()
               if name in there.own and name not in there.block.operators}
     directory = str(before.lines.begin["directory"])
     try:
@@ -174,10 +174,10 @@ def not_proven(before: Before, found: Values) -> str:
         return f"no heater to prove them on: {problem}"
 
 
-def _put_back(before: Before, found: Values) -> dict[str, Number]:
+def _put_back(before: Before, values: Values) -> dict[str, Number]:
     """Return the words that a rollback changes: those that stand there as they were written."""
     return {name: before.before[name] for part in before.parts for name in part.names
-            if found[name] == before.after[name] != before.before[name]}
+            if values[name] == before.after[name] != before.before[name]}
 
 
 def rolled_back(
@@ -276,7 +276,7 @@ def written_in(paths: Sequence[str | Path], directory: str | Path) -> WriteHisto
                              f"{_short(digest)}: name the folder whose words were written")
         _demand_whole(before, words)
         passages += _passages(before, words)
-    return WriteHistory(digest=digest, passages=tuple(sorted(passages, key=lambda one: one.begun)))
+    return WriteHistory(digest=digest, passages=tuple(sorted(passages, key=lambda entry: entry.begun)))
 
 
 def _short(digest: object) -> str:
@@ -382,10 +382,10 @@ def _instant(before: Before, text: str) -> str:
                             "2026-11-23T18:36:26+00:00") from None
 
 
-def _quantities(words: Words, found: Values | None, left: Values | None) -> tuple[Quantity, ...]:
+def _quantities(words: Words, present_values: Values | None, left: Values | None) -> tuple[Quantity, ...]:
     """Return what words mean: as found, proven, as left."""
     proven = _meant(words, {})
-    one, other = (None if values is None else _meant(words, values) for values in (found, left))
+    one, other = (None if values is None else _meant(words, values) for values in (present_values, left))
     return tuple(
         Quantity(name=name, unit=unit, as_found=None if one is None else one[name, unit], proven=value,
                  left=None if other is None else other[name, unit])

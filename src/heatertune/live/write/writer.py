@@ -279,9 +279,9 @@ class Writer:
         self.looks.append(look)
         self.record.write_line("compared", **look.to_document())
 
-    def _unlike(self, found: Values, expected: Values) -> str:
-        return ", ".join(f"{name} is {found[name]:g}, not {expected[name]:g}" for name in self._standing.own
-                         if found[name] != expected[name])
+    def _unlike(self, values: Values, expected: Values) -> str:
+        return ", ".join(f"{name} is {values[name]:g}, not {expected[name]:g}" for name in self._standing.own
+                         if values[name] != expected[name])
 
     def _put(self, part: WritePart, change: _Change, *, back: bool = False) -> None:
         """Write a part over what was looked at; raise `_Stopped` where it does not stand there afterwards.

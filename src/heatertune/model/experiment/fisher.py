@@ -21,8 +21,8 @@ from scipy.signal import lfilter
 
 from heatertune.arrays import Array
 from heatertune.errors import InputError, OutOfRange
+from heatertune.model.model_values import FittedModel, Fopdt, HeaterModel
 from heatertune.model.response import Schedule, peak_rise, rows_of, sensitivities
-from heatertune.model.values import FittedModel, Fopdt, HeaterModel
 from heatertune.units import check
 
 __all__ = [

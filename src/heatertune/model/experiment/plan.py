@@ -28,9 +28,9 @@ from heatertune.model.experiment.fisher import (
     rests,
     shares,
 )
+from heatertune.model.model_values import HeaterModel
 from heatertune.model.relay_test import TwoLevelRelay, simulate_relay
 from heatertune.model.response import Schedule
-from heatertune.model.values import HeaterModel
 
 __all__ = [
     "KINDS", "REST_READINGS", "SCHEMA", "ExperimentPlan", "RelayPlan", "assess_plan", "best_step", "plan_doublet",

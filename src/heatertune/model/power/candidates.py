@@ -15,8 +15,9 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.arrays import Array
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.model.findings import Finding
+from heatertune.model.model_values import Candidate, Fopdt, Half, HeaterModel, HeldOut
 from heatertune.model.power.feedback import follows_temperature, is_feedback
 from heatertune.model.power.fit_checks import unseen
 from heatertune.model.power.load_steps import bic_of, is_plain_rest, is_sensible, lowest_degC, starts
@@ -25,7 +26,6 @@ from heatertune.model.power.open_loop import PowerFit, PowerProblem
 from heatertune.model.power.regressors import AMBIENT, GAP, Readings
 from heatertune.model.power.uncertainty import ends_of, halves_of, held_at, held_by, intervals_by, told_apart
 from heatertune.model.statistics import RATIO, Interval, envelope, fit_pct, holds
-from heatertune.model.values import Candidate, Fopdt, Half, HeaterModel, HeldOut
 
 if TYPE_CHECKING:
     from heatertune.model.power.explanation import Explanation
@@ -154,7 +154,7 @@ def _other_rest(log: Log, problem: PowerProblem, fit: PowerFit) -> Iterator[Riva
     if problem.at_rest and is_plain_rest(problem, math.exp(float(fit.vector[0]))):
         return
     closed = is_feedback(log) or follows_temperature(log)
-    for other in starts(replace(problem, at_rest=False), closed=closed):
+    for other in starts(replace(problem, at_rest=False), closed_loop=closed):
         if other.at_rest == problem.at_rest or other.power_before_pct != problem.power_before_pct:
             continue
         refit = min((other.fit(), other.refine(fit.vector[None, :])), key=lambda trial: bic_of(other, trial))

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from heatertune.errors import InputError
-from heatertune.log.values import MIN_SAMPLES, Log
+from heatertune.log.log_values import MIN_SAMPLES, Log
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
 from heatertune.model.power.regressors import AMBIENT, GAIN, Readings
 

@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from heatertune.arrays import Array
 from heatertune.errors import InputError
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.model.disturbance import CoolingEffect, DisturbanceEffect
 from heatertune.model.power.open_loop import FAR, PowerProblem
 from heatertune.model.power.regressors import AMBIENT, FIRST_STATE, GAIN, SECOND_STATE, Readings
@@ -152,9 +152,9 @@ def _effect(
     return effect, through
 
 
-def _one_shape(power: npt.NDArray[np.float64], other: npt.NDArray[np.float64]) -> bool:
+def _one_shape(power: npt.NDArray[np.float64], shape: npt.NDArray[np.float64]) -> bool:
     """Return whether two signals are, but for rounding, one and the same line of the other, arrays of shape (n,)."""
-    first, second = power - power.mean(), other - other.mean()
+    first, second = power - power.mean(), shape - shape.mean()
     alike = float(first @ second) ** 2
     return alike >= (1.0 - 1e-12) * float(first @ first) * float(second @ second)
 

@@ -20,8 +20,9 @@ import numpy.typing as npt
 
 from heatertune.arrays import Array
 from heatertune.errors import InputError
-from heatertune.log.values import MIN_SAMPLES, Log
+from heatertune.log.log_values import MIN_SAMPLES, Log
 from heatertune.model.diagnostics import Remark
+from heatertune.model.model_values import Fopdt
 from heatertune.model.outliers import replace_outliers, without_outliers
 from heatertune.model.power.changed_heater import refuse_changed
 from heatertune.model.power.feedback import WRONG_SIGN, demand_cause, explains, follows_temperature, is_feedback
@@ -30,7 +31,6 @@ from heatertune.model.power.loss_fit import LossFit
 from heatertune.model.power.nonlinear import Bend, judged_linear
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
 from heatertune.model.power.regressors import Readings
-from heatertune.model.values import Fopdt
 
 __all__ = [
     "MOST", "CleanedFit", "Explanation", "Segments", "alias_of", "alias_remarks", "clean_log", "explain_log", "gaps",
@@ -505,7 +505,7 @@ def _search(log: Log, problem: PowerProblem, *, believed: bool) -> Explanation:
     doubt = "" if believed else _demand_cause(log, thin, fit, alias)
     two = replace(thin, two_lags=True)
     closed = is_feedback(log) or follows_temperature(log)
-    way = with_events([thin, two], [fit, _second(two, fit)], closed=closed)
+    way = with_events([thin, two], [fit, _second(two, fit)], closed_loop=closed)
     if doubt or way.problems[0].loads_s:
         refuse_opened(log, thin)
     if doubt and not doubt.startswith(WRONG_SIGN) and any(map(explains, *way)):
@@ -537,10 +537,11 @@ def _demand_cause(log: Log, problem: PowerProblem, fit: PowerFit, alias: str) ->
         raise
 
 
-def _second(problem: PowerProblem, one: PowerFit) -> PowerFit:
+def _second(problem: PowerProblem, first_fit: PowerFit) -> PowerFit:
     """Return two lags; if the best fit relies on free initial states alone, the two nearest to the one lag."""
     fit = problem.fit()
     if fit.model is not None:
         return fit
-    near = [(one.vector[0], max(one.vector[1] - ratio * math.exp(one.vector[0]), 0.0), ratio) for ratio in (0.03, 0.2)]
+    lag, dead = first_fit.vector[:2]
+    near = [(lag, max(dead - ratio * math.exp(lag), 0.0), ratio) for ratio in (0.03, 0.2)]
     return problem.refine(np.array(near))

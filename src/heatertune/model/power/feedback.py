@@ -24,13 +24,13 @@ import numpy as np
 
 from heatertune.arrays import Array
 from heatertune.errors import InputError
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.model.diagnostics import Remark
+from heatertune.model.model_values import InputCorrelation
 from heatertune.model.power.load_steps import bic_of, with_loads
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
 from heatertune.model.power.regressors import AMBIENT, GAIN, Readings
 from heatertune.model.statistics import ar1_bic, autocorrelation
-from heatertune.model.values import InputCorrelation
 
 __all__ = [
     "WRONG_SIGN", "closed_loop", "demand_cause", "explains", "feedback_notes", "follows_temperature",
@@ -249,16 +249,16 @@ def _heats_on_demand(log: Log) -> bool:
     return min(len(rises), len(falls)) >= _TIMES and float(rises.max()) < float(falls.min())
 
 
-def _cools(problem: PowerProblem, fit: PowerFit, opposite: PowerProblem, other: PowerFit) -> bool:
+def _cools(problem: PowerProblem, fit: PowerFit, opposite: PowerProblem, second_fit: PowerFit) -> bool:
     """Return whether cooling explains a log better than heating, or as well where heating asks for the absurd."""
-    dearer = bic_of(problem, fit) - bic_of(opposite, other)
-    if dearer > _CAUSALITY_SURE and _squares(opposite, other) < _BETTER * _squares(problem, fit):
+    dearer = bic_of(problem, fit) - bic_of(opposite, second_fit)
+    if dearer > _CAUSALITY_SURE and _squares(opposite, second_fit) < _BETTER * _squares(problem, fit):
         return True
     if dearer < -_CAUSALITY_SURE or (dearer <= _CAUSALITY_SURE and not _is_strange(problem, fit)):
         return False
     # a load or drift, in a loop above all, may be all that speaks for the opposite: both may have them
     warming, warm = _eventful(problem, fit)
-    cooling, cool = _eventful(opposite, other)
+    cooling, cool = _eventful(opposite, second_fit)
     strange = _is_strange(warming, warm) and not _is_strange(cooling, cool)
     limit = bic_of(cooling, cool) + (-_CAUSALITY_SURE if strange else _CAUSALITY_SURE)
     return bic_of(warming, warm) > limit and all(bic_of(*way) > limit for way in _other_heaters(warming))
@@ -298,8 +298,8 @@ def _unexplained(inputs: Array, output: Array) -> float:
     return float(error @ error)
 
 
-def _refuse_sign(log: Log, problem: PowerProblem, other: PowerFit) -> NoReturn:
-    gain, lag = float(other.linear[GAIN]), float(np.exp(other.vector[0]))
+def _refuse_sign(log: Log, problem: PowerProblem, fit: PowerFit) -> NoReturn:
+    gain, lag = float(fit.linear[GAIN]), float(np.exp(fit.vector[0]))
     fault = f"{log.name}: the temperature falls as the power rises (gain {gain:.2g} °C/%, time constant {lag:.3g} s)"
     if lag < _SHORT * _sample(problem) and follows_temperature(log):
         raise InputError(

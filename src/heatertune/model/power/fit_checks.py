@@ -13,14 +13,14 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.arrays import Array
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.model.diagnostics import DROP_PCT, Remark
+from heatertune.model.model_values import Half, HeldOut, InputCorrelation, Validation, disagreeing_parameters
 from heatertune.model.power.feedback import follows_temperature, input_correlation, is_feedback
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
 from heatertune.model.power.uncertainty import reaches, sensitivities
 from heatertune.model.statistics import Interval, fit_pct, identified_parts
 from heatertune.model.validation import ljung_box
-from heatertune.model.values import Half, HeldOut, InputCorrelation, Validation, disagreeing_parameters
 from heatertune.units import NOMENCLATURE
 
 __all__ = [
@@ -126,9 +126,9 @@ def _around(value: float, reach: float, least: float) -> Interval:
     return Interval(low=low if low > least else None, high=value + reach if math.isfinite(reach) else None)
 
 
-def _foretold(problem: PowerProblem, fit: PowerFit, kept: Rows) -> Array:
+def _foretold(problem: PowerProblem, fit: PowerFit, rows: Rows) -> Array:
     """Return the temperature at all readings by a fit to those that are kept."""
-    refit = _part(problem, kept).refine(fit.vector[None, :])
+    refit = _part(problem, rows).refine(fit.vector[None, :])
     return np.asarray(refit.linear @ problem.basis(refit.vector))
 
 

@@ -21,6 +21,7 @@ import numpy.typing as npt
 from heatertune.arrays import Array
 from heatertune.model.diagnostics import Remark, fast_remarks, findings_of, poor_remarks
 from heatertune.model.least_squares import Minima, ResidualFunction, minimise
+from heatertune.model.model_values import Candidate, FittedModel, Fopdt, OneLog, Residuals
 from heatertune.model.power.candidates import lies_inside, open_ends, second_is_seen, widen_intervals
 from heatertune.model.power.explanation import Explanation, alias_remarks
 from heatertune.model.power.fit_power import (
@@ -63,7 +64,6 @@ from heatertune.model.statistics import (
     interval,
     student_t,
 )
-from heatertune.model.values import Candidate, FittedModel, Fopdt, OneLog, Residuals
 from heatertune.units import NOMENCLATURE
 
 __all__ = [

@@ -20,9 +20,19 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.arrays import Array
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.model.diagnostics import DROP_PCT, Remark, fast_remarks, findings_of, level_remarks, poor_remarks
 from heatertune.model.loss_curve import working_values
+from heatertune.model.model_values import (
+    Candidate,
+    FitOutcome,
+    FittedModel,
+    Fopdt,
+    Half,
+    HeaterModel,
+    Residuals,
+    Validation,
+)
 from heatertune.model.outliers import sensor_step
 from heatertune.model.power.candidates import (
     Rival,
@@ -57,7 +67,6 @@ from heatertune.model.power.uncertainty import (
 )
 from heatertune.model.reduction import ultimate_period_s
 from heatertune.model.statistics import PERIOD, RATIO, Interval, autocorrelation, fit_pct, holds, identified_parts
-from heatertune.model.values import Candidate, FitOutcome, FittedModel, Fopdt, Half, HeaterModel, Residuals, Validation
 from heatertune.units import NOMENCLATURE
 
 __all__ = [

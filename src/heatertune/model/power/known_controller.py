@@ -14,11 +14,11 @@ import numpy as np
 
 from heatertune.arrays import Array
 from heatertune.errors import InputError
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
+from heatertune.model.model_values import Candidate, HeaterModel
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
 from heatertune.model.power.regressors import Readings
 from heatertune.model.statistics import ar1_bic, fit_pct
-from heatertune.model.values import Candidate, HeaterModel
 
 __all__ = ["KnownController", "ModelOrderFit", "compare", "offset_degC", "rate", "records", "replay_controller",
            "replay_notes"]

@@ -45,10 +45,10 @@ class _Slope(NamedTuple):
         return moved > _SURE * self.error_degC_per_s and moved * self.length_s > _SURE * self.scatter_degC
 
 
-def starts(problem: PowerProblem, *, closed: bool) -> Iterator[PowerProblem]:
+def starts(problem: PowerProblem, *, closed_loop: bool) -> Iterator[PowerProblem]:
     """Yield the problem with each possible start: power before, known or unknown, steady state or not.
 
-    `closed`: a controller set the power, so it was not switched on together with the log.
+    `closed_loop`: a controller set the power, so it was not switched on together with the log.
     """
     befores = [problem.power_before_pct]
     if befores == [None] and problem.readings.level_pct[0] != 0.0:
@@ -56,7 +56,7 @@ def starts(problem: PowerProblem, *, closed: bool) -> Iterator[PowerProblem]:
     for before in befores:
         begun = replace(problem, power_before_pct=before)
         yield begun
-        if _may_rest(begun) and not (closed and not _held(begun)):
+        if _may_rest(begun) and not (closed_loop and not _held(begun)):
             yield replace(begun, at_rest=True)
 
 
@@ -259,14 +259,14 @@ class Way(NamedTuple):
         return min(map(bic_of, self.problems, self.fits))
 
 
-def with_events(problems: Sequence[PowerProblem], fits: Sequence[PowerFit], *, closed: bool) -> Way:
+def with_events(problems: Sequence[PowerProblem], fits: Sequence[PowerFit], *, closed_loop: bool) -> Way:
     """Return one lag and two with the initial state, drift and loads that explain the log best.
 
     A wrong initial state looks like a drift or a load, and a drift like a load, so they have to be chosen together.
-    `closed`: a controller moved the power.
+    `closed_loop`: a controller moved the power.
     """
     given = Way(list(problems), list(fits))
-    begun = [_begun(given, start) for start in starts(problems[0], closed=closed)]
+    begun = [_begun(given, start) for start in starts(problems[0], closed_loop=closed_loop)]
     drifting = {id(way): _drifting(way) for way in begun}
     carried = sorted(begun, key=lambda way: min(way.bic, drifting[id(way)].bic))[:_CARRIED]
     ways = []

@@ -26,15 +26,15 @@ import numpy.typing as npt
 from heatertune.arrays import Array
 from heatertune.compiled import compile_function
 from heatertune.heater.exact import advance_step, factors
-from heatertune.log.values import ABSOLUTE_ZERO_DEGC
+from heatertune.log.log_values import ABSOLUTE_ZERO_DEGC
 from heatertune.model.diagnostics import Remark
 from heatertune.model.least_squares import minimise
+from heatertune.model.model_values import Fopdt, HeaterModel, TwoLag
 from heatertune.model.power.load_steps import Way, bic_of, coincides, left_over, refit_all, with_loads
 from heatertune.model.power.loss_fit import LossFit, fit_loss_curves
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
 from heatertune.model.power.regressors import AMBIENT, DRIFT, FIRST_STATE, GAIN, SECOND_STATE
 from heatertune.model.statistics import ar1_bic
-from heatertune.model.values import Fopdt, HeaterModel, TwoLag
 
 __all__ = [
     "BEND", "CEILING", "COOLING", "LOSS", "Bend", "BentHeater", "InputCurve", "bend_remarks", "fit_bent_heater",

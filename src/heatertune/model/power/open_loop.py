@@ -16,7 +16,8 @@ import numpy.typing as npt
 
 from heatertune.arrays import Array
 from heatertune.compiled import compile_function
-from heatertune.log.values import ABSOLUTE_ZERO_DEGC
+from heatertune.log.log_values import ABSOLUTE_ZERO_DEGC
+from heatertune.model.model_values import Fopdt, HeaterModel, TwoLag
 from heatertune.model.power.regressors import (
     AMBIENT,
     COLUMNS,
@@ -31,7 +32,6 @@ from heatertune.model.power.regressors import (
     of_lags,
     of_power,
 )
-from heatertune.model.values import Fopdt, HeaterModel, TwoLag
 
 __all__ = [
     "FAR", "FixedUnknowns", "PowerFit", "PowerProblem", "ProjectionInput", "Space", "descend",
@@ -478,7 +478,7 @@ class PowerProblem:
         return basis
 
     def minimum(
-        self, starts: Array, records: Array, fixed: FixedUnknowns | None = None, *, held: int | None = None,
+        self, starts: Array, records: Array, fixed: FixedUnknowns | None = None, *, fixed_index: int | None = None,
         iterations: int = 15, tolerance: float = 1e-6,
     ) -> Array:
         """Return the vector that each start leads to for its record, shape (n, 3).
@@ -487,11 +487,12 @@ class PowerProblem:
             starts: shape (n, 3).
             records: shape (n, m), or (1, m) where they are one and the same.
             fixed: by default what the problem knows; one row or n.
-            held: place in the vector that keeps its start.
+            fixed_index: place in the vector that keeps its start.
             iterations: most steps tried.
             tolerance: relative decrease of the sum of squares below which a row rests.
         """
-        high = self.high if held is None else np.where(np.arange(len(self.high)) == held, self.low, self.high)
+        stays = np.arange(len(self.high)) == (-1 if fixed_index is None else fixed_index)
+        high = np.where(stays, self.low, self.high)
         given = self.nothing_more(1) if fixed is None else fixed
         z = starts.copy()
         work = paths(self._width, len(self.readings.time_s))
@@ -525,7 +526,7 @@ class PowerProblem:
         """Return the best fit whose time constant is the longest searched: the heater as an integrator."""
         starts = np.column_stack([np.full(9, self.high[0]), np.linspace(self.low[1], self.high[1], 9), np.zeros(9)])
         records = self.readings.temperature_degC[None, :]
-        z = self.minimum(starts, records, held=0, iterations=30)
+        z = self.minimum(starts, records, fixed_index=0, iterations=30)
         return self.at(z[np.argmin(self.cost(z, records))])
 
     def fit_held(self, vector: Array, gain: float) -> PowerFit:

@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from heatertune.arrays import Array
 from heatertune.heater.exact import Factors, factors
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 
 __all__ = [
     "AMBIENT", "COLUMNS", "DRIFT", "FIRST_STATE", "GAIN", "GAP", "SECOND_STATE", "HeldPower", "Readings", "columns",
@@ -201,17 +201,17 @@ def _states(time: Array, half: Array, begun: float, first: float, second: float,
         _decay(time, half, begun, second, out[1])
 
 
-def columns(log: HeldPower, lags: tuple[float, float], dead: float, one: Array, basis: Array) -> None:
+def columns(log: HeldPower, lags: tuple[float, float], dead: float, unit: Array, basis: Array) -> None:
     """Fill basis for the lags and the dead time.
 
     Args:
         log: see `Held`.
         lags: the second is 0 for one lag [s].
         dead: dead time [s].
-        one: the number 1, shape (1,): the level of a load.
+        unit: the number 1, shape (1,): the level of a load.
         basis: the columns, as named above, shape (5 + s + 2·r, m).
     """
-    of_lags(log, lags, one, basis)
+    of_lags(log, lags, unit, basis)
     of_power(log, lags, dead, basis)
 
 
@@ -220,7 +220,7 @@ def of_power(log: HeldPower, lags: tuple[float, float], dead: float, basis: Arra
     forced_response(log[0], log[1], log[2], log[3], log[4], lags, dead, basis[GAIN])
 
 
-def of_lags(log: HeldPower, lags: tuple[float, float], one: Array, basis: Array) -> None:
+def of_lags(log: HeldPower, lags: tuple[float, float], unit: Array, basis: Array) -> None:
     """Fill all other columns; arguments as `columns`, of the same shapes."""
     time, half, _, _, _, loads, restarts = log
     first, second = lags
@@ -230,7 +230,7 @@ def of_lags(log: HeldPower, lags: tuple[float, float], one: Array, basis: Array)
         basis[AMBIENT, i] = 1.0
         basis[DRIFT, i] = time[i] - time[0]
     for k in range(len(loads)):
-        forced_response(time, half, loads[k : k + 1], one, 0.0, lags, 0.0, basis[COLUMNS + k])
+        forced_response(time, half, loads[k : k + 1], unit, 0.0, lags, 0.0, basis[COLUMNS + k])
     for k in range(len(restarts)):
         place = COLUMNS + len(loads) + 2 * k
         _states(time, half, restarts[k], first, second, basis[place : place + 2])

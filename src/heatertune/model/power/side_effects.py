@@ -21,13 +21,13 @@ import numpy as np
 from heatertune.arrays import Array
 from heatertune.compiled import compile_function
 from heatertune.errors import InputError
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.model.diagnostics import Remark, findings_of
 from heatertune.model.disturbance import CoolingEffect, DisturbanceEffect, LossEffect
+from heatertune.model.model_values import Candidate, FittedModel, HeaterModel
 from heatertune.model.power.disturbance_fit import TAILS_PCT, ar1_covariance, cooling_effect, without_disturbance
 from heatertune.model.statistics import Interval, ar1_bic, hull
 from heatertune.model.temperature.closed_loop import Bounds
-from heatertune.model.values import Candidate, FittedModel, HeaterModel
 
 __all__ = ["cleared", "fit_two_way", "in_its_room", "with_loss", "without_loss"]
 
@@ -282,10 +282,10 @@ def _as_power(effect: CoolingEffect, loss: LossEffect, fitted: FittedModel, cool
                    delta_bic=loss.delta_bic, delta_bic_loss=loss.delta_bic_as_power)
 
 
-def _earlier(time: Array, held: Array, lead_s: float) -> Array:
+def _earlier(time: Array, values: Array, lead_s: float) -> Array:
     """Return a held signal as it is so much later, on the same rows, shape (n,)."""
     rows = np.searchsorted(time, time + lead_s, side="right") - 1
-    return held[np.clip(rows, 0, len(held) - 1)]
+    return values[np.clip(rows, 0, len(values) - 1)]
 
 
 def _with_cooling(fitted: FittedModel, log: Log, effect: CoolingEffect) -> FittedModel:

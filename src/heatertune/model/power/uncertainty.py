@@ -19,8 +19,9 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.arrays import Array
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.model.loss_curve import same_beyond
+from heatertune.model.model_values import Candidate, Fopdt, Half, HeaterModel, disagreeing_parameters
 from heatertune.model.power.load_steps import bic_of
 from heatertune.model.power.open_loop import FAR, FixedUnknowns, PowerFit, PowerProblem
 from heatertune.model.power.regressors import AMBIENT, GAIN
@@ -39,7 +40,6 @@ from heatertune.model.statistics import (
     interval,
     student_t,
 )
-from heatertune.model.values import Candidate, Fopdt, Half, HeaterModel, disagreeing_parameters
 
 __all__ = [
     "LEAST_FREEDOM", "READINGS", "STEPS", "AtEnd", "ParameterNoise", "bound_crossing", "bounds_of", "colour",
@@ -376,7 +376,7 @@ def _held(problem: PowerProblem, fit: PowerFit, name: str, values: Array) -> tup
     if held is None:
         given.values[:, AMBIENT if name == "ambient_degC" else GAIN] = values
     fixed = replace(given, gain_per_lag=name == RATIO)
-    z = problem.minimum(z, records, fixed, held=held, iterations=12)
+    z = problem.minimum(z, records, fixed, fixed_index=held, iterations=12)
     return z, fixed, problem.cost(z, records, fixed)
 
 
@@ -423,7 +423,7 @@ _ENDS: Final = (
 
 
 def ends_of(
-    best: Candidate, values: Mapping[str, float], ci95: Mapping[str, Interval | None], held: FitWithHeld, *,
+    best: Candidate, values: Mapping[str, float], ci95: Mapping[str, Interval | None], fit_with_fixed: FitWithHeld, *,
     least_dead_time_s: float,
 ) -> Iterator[Candidate]:
     """Return the heater at each closed end of its intervals; a dead time without a low end is set to the minimum.
@@ -434,23 +434,23 @@ def ends_of(
         best: the candidate whose ends are computed.
         values: its own dead time, gain per time constant and ultimate period.
         ci95: their intervals.
-        held: name and value → the heater with this parameter fixed.
+        fit_with_fixed: name and value → the heater with this parameter fixed.
         least_dead_time_s: shortest plausible dead time.
     """
     for end in _ENDS:
         value = _value(ci95.get(end.name), end, least_dead_time_s)
-        if value is not None and (at := _nearest(held, end.name, values[end.name], value)) is not None:
+        if value is not None and (at := _nearest(fit_with_fixed, end.name, values[end.name], value)) is not None:
             yield Candidate(
                 model=at.model, log=best.log, window_s=best.window_s, law=best.law, fit_pct=at.fit_pct,
                 rmse_degC=at.rmse_degC, delta_bic=best.delta_bic + at.bic, part=end.what)
 
 
-def _nearest(held: FitWithHeld, name: str, best: float, end: float) -> AtEnd | None:
+def _nearest(fit_with_fixed: FitWithHeld, name: str, best: float, end: float) -> AtEnd | None:
     """Return the heater at an end, or as near to it as there is one on the way from the best value."""
-    at, nearest, beyond = held(name, end), best, end
+    at, nearest, beyond = fit_with_fixed(name, end), best, end
     for _ in range(0 if at is not None else _HALVINGS):
         middle = 0.5 * (nearest + beyond)
-        there = held(name, middle)
+        there = fit_with_fixed(name, middle)
         at, nearest, beyond = (at, nearest, middle) if there is None else (there, middle, beyond)
     return at
 

@@ -22,8 +22,8 @@ from heatertune.arrays import Array
 from heatertune.compiled import bound, compile_function
 from heatertune.compiled.plain_functions import law_step
 from heatertune.heater.exact import advance, advance_step, factors
-from heatertune.log.values import MIN_SAMPLES, Log
-from heatertune.model.values import Fopdt, HeaterModel, TwoLag
+from heatertune.log.log_values import MIN_SAMPLES, Log
+from heatertune.model.model_values import Fopdt, HeaterModel, TwoLag
 
 __all__ = [
     "CONSTANTS", "OWN", "PLANT", "Bounds", "Constant", "ControllerLaw", "Hypothesis", "LogSegment", "Step",

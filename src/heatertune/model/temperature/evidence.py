@@ -20,12 +20,12 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.arrays import Array
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.model.diagnostics import Remark
+from heatertune.model.model_values import HeaterModel
 from heatertune.model.power.open_loop import PowerProblem
 from heatertune.model.power.regressors import Readings
 from heatertune.model.temperature.closed_loop import Bounds
-from heatertune.model.values import HeaterModel
 
 __all__ = [
     "Bound", "ConstantPowerStretch", "bound_contradictions", "contradictions", "evidence_notes", "fall_bound",

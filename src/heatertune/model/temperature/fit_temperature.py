@@ -16,9 +16,10 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.arrays import Array
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
 from heatertune.model.diagnostics import DROP_PCT, Remark, findings_of, poor_remarks
 from heatertune.model.least_squares import ResidualFunction, minimise
+from heatertune.model.model_values import Candidate, FitOutcome, FittedModel, Residuals
 from heatertune.model.reduction import COMBINATIONS, FIELDS
 from heatertune.model.statistics import (
     Interval,
@@ -38,7 +39,6 @@ from heatertune.model.temperature.evidence import (
     regulation_remarks,
 )
 from heatertune.model.validation import LJUNG_BOX_95, constant_rmse, cross_rmse, hold_out_rmse, ljung_box
-from heatertune.model.values import Candidate, FitOutcome, FittedModel, Residuals
 from heatertune.units import NOMENCLATURE
 
 __all__ = [
@@ -216,14 +216,14 @@ def lost_notes(names: Sequence[str], lost: Iterable[str], ranges: Mapping[str, I
         yield f"{sentence} nearly as well."
 
 
-def ambient_note(given: Bounds | None, sought: Bounds) -> str:
+def ambient_note(bounds: Bounds | None, sought: Bounds) -> str:
     """Report the source of the ambient temperature."""
-    if given is None:
+    if bounds is None:
         return (f"The ambient was sought within {sought[0]:.1f}…{sought[1]:.1f} °C, around the first reading; give "
                 "--ambient LOW HIGH if you know it better.")
-    if given[0] == given[1]:
-        return f"The ambient temperature of {given[0]:g} °C was given, not fitted."
-    return f"The ambient was sought within the given {given[0]:g}…{given[1]:g} °C."
+    if bounds[0] == bounds[1]:
+        return f"The ambient temperature of {bounds[0]:g} °C was given, not fitted."
+    return f"The ambient was sought within the given {bounds[0]:g}…{bounds[1]:g} °C."
 
 
 def foretells(fit: Fit) -> bool:
@@ -275,11 +275,11 @@ def _unexplained(fit: Fit, segment: int) -> str:
             f"{start:.3g} °C, where both together span {whole:.3g} °C.")
 
 
-def limit_remarks(kept: Sequence[Fit]) -> Iterable[Remark]:
+def limit_remarks(fits: Sequence[Fit]) -> Iterable[Remark]:
     """Yield the finding that parameters of the plausible heaters lie on arbitrary bounds of their search."""
-    names = list(dict.fromkeys(name for fit in kept for name in fit.hypothesis.limits_reached(fit.vector)))
+    names = list(dict.fromkeys(name for fit in fits for name in fit.hypothesis.limits_reached(fit.vector)))
     if names:
-        logs = " and ".join(segment.log.name for segment in kept[0].hypothesis.segments)
+        logs = " and ".join(segment.log.name for segment in fits[0].hypothesis.segments)
         yield Remark("on-bound", (
             f"On a bound of the search where models explain {logs}: {', '.join(names)}. What lies beyond the bound "
             "would explain it better still."))
@@ -450,22 +450,22 @@ def _law_remarks(best: Fit, logs: Sequence[Log]) -> Iterator[Remark]:
         yield from regulation_remarks(log, float(np.sqrt(np.mean(error**2))))
 
 
-def _contradictions(best: Fit, kept: Sequence[Fit]) -> Iterator[Remark]:
+def _contradictions(best: Fit, fits: Sequence[Fit]) -> Iterator[Remark]:
     """Yield where the curve by itself contradicts every model."""
-    plants = [fit.hypothesis.plant(fit.vector) for fit in kept]
+    plants = [fit.hypothesis.plant(fit.vector) for fit in fits]
     for segment in best.hypothesis.segments:
         yield from contradictions(segment.log, segment.ambient_degC, plants)
         yield from bound_contradictions(segment.log, segment.ambient_degC, plants)
 
 
 def _intervals(
-    best: Fit, kept: Sequence[Fit], ranges: Mapping[str, Interval], ambient_degC: Bounds | None
+    best: Fit, fits: Sequence[Fit], ranges: Mapping[str, Interval], ambient_degC: Bounds | None
 ) -> dict[str, Interval | None]:
     """Return the identified intervals; gain and time constant trade off against an unknown ambient.
 
     The intervals are valid only for the hypothesis: one that does not predict the later readings identifies neither.
     """
-    limits = {name for fit in kept for name in fit.hypothesis.limits_reached(fit.vector)}
+    limits = {name for fit in fits for name in fit.hypothesis.limits_reached(fit.vector)}
     ci95 = {name: None if name in limits else identified_interval(ranges[name]) for name in FIELDS}
     lost: dict[str, Interval | None] = {}
     if ambient_degC is not None and ambient_degC[0] == ambient_degC[1]:
@@ -482,7 +482,7 @@ def _kept(ranked: Sequence[Fit]) -> list[Fit]:
     return near if single in near or single.fit_pct < best - _FOPDT_NEAR else [*near, single]
 
 
-def _ranges(best: Fit, kept: Sequence[Fit], seed: int, ambient_degC: Bounds | None) -> dict[str, Interval]:
+def _ranges(best: Fit, fits: Sequence[Fit], seed: int, ambient_degC: Bounds | None) -> dict[str, Interval]:
     """Return each measure's interval: block bootstrap of the best model, widened to hold every candidate."""
     hypothesis, rng = best.hypothesis, np.random.default_rng(seed)
     errors = hypothesis.parts(hypothesis.measured - best.simulated_degC)
@@ -491,7 +491,7 @@ def _ranges(best: Fit, kept: Sequence[Fit], seed: int, ambient_degC: Bounds | No
     residuals = residuals_of(hypothesis, best.simulated_degC + shaken)
     minima = minimise(residuals, starts, hypothesis.low, hypothesis.high, iterations=10)
     plants = [hypothesis.plant(z) for z in minima.parameters]
-    others = [fit.hypothesis.plant(fit.vector) for fit in kept]
+    others = [fit.hypothesis.plant(fit.vector) for fit in fits]
     # a bound the user gave is knowledge, not the end of a search
     ambient = hypothesis.segments[0].ambient_degC if ambient_degC is None else (-np.inf, np.inf)
     ranges = {}
@@ -500,7 +500,7 @@ def _ranges(best: Fit, kept: Sequence[Fit], seed: int, ambient_degC: Bounds | No
         values = np.array([measure(plant) for plant in plants])
         range_ = envelope(interval(values, low, high), [measure(plant) for plant in others])
         endless = not np.isfinite(values).all() or range_.high == np.inf
-        sides = {fit.hypothesis.limits_reached(fit.vector).get(name) for fit in kept}
+        sides = {fit.hypothesis.limits_reached(fit.vector).get(name) for fit in fits}
         ranges[name] = Interval(low=None if "low" in sides else range_.low,
                                 high=None if endless or "high" in sides else range_.high)
     return ranges

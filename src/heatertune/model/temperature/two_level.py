@@ -20,14 +20,14 @@ import numpy.typing as npt
 
 from heatertune.arrays import Array
 from heatertune.errors import InputError, OutOfRange
-from heatertune.log.values import Log
+from heatertune.log.log_values import Log
+from heatertune.model.model_values import Fopdt, HeaterModel, TwoLag
 from heatertune.model.statistics import (
     ar1_bic,
     autocorrelation,
     student_t,
 )
 from heatertune.model.temperature.evidence import quiet_noise_degC, switching_guess
-from heatertune.model.values import Fopdt, HeaterModel, TwoLag
 
 __all__ = ["LONGEST", "SwitchingSolution", "Thermostat", "TwoLevelFit", "change_s", "fit_logged_switchings",
            "fit_two_level"]
@@ -283,7 +283,7 @@ def _fit(
     if known is None:  # no room is as cold or as hot as that
         near, family = [[each for each in kept if _COLDEST < each.ambient_degC < float(log.temperature_degC.max())]
                         for kept in (near, family)]
-        near = near or sorted(family, key=lambda each: each.cost)[:1]
+        near = near or sorted(family, key=lambda entry: entry.cost)[:1]
     if not near:
         return None
     gain, ambient, instant = np.max([margins for _, margins in profiles], axis=0)
@@ -429,15 +429,15 @@ def _solved(problem: _SwitchingProblem, instants: Array) -> list[SwitchingSoluti
     for ratios in ((0.0,), _RATIOS):
         starts = [SwitchingSolution(math.log(lag), ratio, instants, np.empty(0), np.empty(0), problem)
                   for lag in lags for ratio in ratios]
-        tried = sorted((_descend(start, _TRIES) for start in starts), key=lambda each: each.cost)
-        best = min((_descend(each, _ITERATIONS) for each in tried[:3]), key=lambda each: each.cost)
+        tried = sorted((_descend(start, _TRIES) for start in starts), key=lambda entry: entry.cost)
+        best = min((_descend(each, _ITERATIONS) for each in tried[:3]), key=lambda entry: entry.cost)
         best = _with_end(_with_start(best))
         if best.ratio > 0.0:  # its valley is long and bent
             again = [_descend(best._replace(lag=best.lag + by, ratio=ratio), _TRIES)
                      for by in (-0.5, 0.0, 0.5) for ratio in _RATIOS]
-            best = min((best, *(_descend(each, _ITERATIONS) for each in again)), key=lambda each: each.cost)
+            best = min((best, *(_descend(each, _ITERATIONS) for each in again)), key=lambda entry: entry.cost)
         found += _with_mains(best)
-    return sorted((each for each in found if min(each.gains) > 0.0), key=lambda each: each.bic)
+    return sorted((each for each in found if min(each.gains) > 0.0), key=lambda entry: entry.bic)
 
 
 def _with_start(best: SwitchingSolution) -> SwitchingSolution:
@@ -454,7 +454,7 @@ def _with_start(best: SwitchingSolution) -> SwitchingSolution:
               for late in offsets]
     if not trials:
         return best
-    later = _descend(min(trials, key=lambda each: each.cost), _ITERATIONS)
+    later = _descend(min(trials, key=lambda entry: entry.cost), _ITERATIONS)
     return later if later.bic < best.bic else best
 
 
@@ -477,7 +477,7 @@ def _with_end(best: SwitchingSolution) -> SwitchingSolution:
     trials = [_descend(best._replace(instants=np.append(instants, each)), _TRIES) for each in places]
     if not trials:
         return best
-    later = _descend(min(trials, key=lambda each: each.cost), _ITERATIONS)
+    later = _descend(min(trials, key=lambda entry: entry.cost), _ITERATIONS)
     return later if later.bic < best.bic else best
 
 
@@ -491,10 +491,10 @@ def _with_mains(best: SwitchingSolution) -> list[SwitchingSolution]:
               for place in offs for share in _SHARES]
     if not trials:
         return [best]
-    ranked = sorted(trials, key=lambda each: each.cost)
+    ranked = sorted(trials, key=lambda entry: entry.cost)
     places = list(dict.fromkeys(each.problem.changed_at for each in ranked))[:_PLACES]
     first = [next(each for each in ranked if each.problem.changed_at == place) for place in places]
-    changed = sorted((_descend(each, 20) for each in (*first, *ranked[:2])), key=lambda each: each.bic)
+    changed = sorted((_descend(each, 20) for each in (*first, *ranked[:2])), key=lambda entry: entry.bic)
     least = changed[0].bic
     near = [each for each in changed if each.bic < min(least, best.bic) + _NEAR]
     return near[:_PLACES] if least < best.bic - _NEAR else [best]

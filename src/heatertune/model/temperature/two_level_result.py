@@ -11,10 +11,10 @@ import numpy as np
 
 from heatertune.arrays import Array
 from heatertune.model.diagnostics import Remark, findings_of, poor_remarks
+from heatertune.model.model_values import Candidate, FitOutcome, FittedModel, HeaterModel, Residuals
 from heatertune.model.reduction import COMBINATIONS, FIELDS
 from heatertune.model.statistics import Interval, autocorrelation, fit_pct, identified_interval
 from heatertune.model.temperature.two_level import LONGEST, SwitchingSolution, TwoLevelFit, change_s
-from heatertune.model.values import Candidate, FitOutcome, FittedModel, HeaterModel, Residuals
 
 __all__ = ["two_level_model"]
 
@@ -109,14 +109,14 @@ def _by_thresholds(solution: SwitchingSolution, fit: TwoLevelFit, offs: Array, m
     return _DeadTimes(min(low, high), high)
 
 
-def two_level_model(fit: TwoLevelFit, ambient_degC: tuple[float, float] | None, seen: Sequence[Candidate] = ()
+def two_level_model(fit: TwoLevelFit, ambient_degC: tuple[float, float] | None, hypotheses: Sequence[Candidate] = ()
                     ) -> FittedModel:
     """Return the fitted heater with its intervals, and heaters at their ends.
 
     Args:
         fit: of the log.
         ambient_degC: stated bounds of the ambient [°C], or None.
-        seen: hypotheses of continuous controllers that were compared.
+        hypotheses: hypotheses of continuous controllers that were compared.
     """
     log, best = fit.log, fit.best[0]
     family = list(_family(fit))
@@ -155,7 +155,7 @@ def two_level_model(fit: TwoLevelFit, ambient_degC: tuple[float, float] | None, 
         model=plant.half_rule(), outcome=outcome,
         findings=findings_of([*_remarks(fit, notes[0]), *poor_remarks(outcome, share, log.name)]),
         method="switching instants fitted together with the heater; profile likelihood",
-        ci95=ci95, candidates=tuple(candidates), hypotheses=(candidates[0], *seen),
+        ci95=ci95, candidates=tuple(candidates), hypotheses=(candidates[0], *hypotheses),
         combinations={name: (measure(plant), ranges[name]) for name, measure in measures.items()
                       if math.isfinite(measure(plant))},
         fit_pct=share, notes=tuple(notes),

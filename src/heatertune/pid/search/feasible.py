@@ -24,7 +24,8 @@ import numpy.typing as npt
 
 from heatertune.arrays import Array, Complex
 from heatertune.errors import InputError
-from heatertune.model.values import HeaterModel
+from heatertune.model.model_values import HeaterModel
+from heatertune.pid.design_values import PidDesign, step_parts, structure_of
 from heatertune.pid.sampled_loop import (
     SampledPlant,
     frequencies,
@@ -37,7 +38,6 @@ from heatertune.pid.sampled_loop import (
     sensitivity_peaks,
 )
 from heatertune.pid.specs import ROOM, Specs
-from heatertune.pid.values import PidDesign, step_parts, structure_of
 
 __all__ = ["NonlinearProgram", "Problem", "keeps", "largest_gain", "nonlinear_program", "polish", "search"]
 
@@ -514,7 +514,7 @@ def _cost(ca: Any, plant: SampledPlant, samples: int, problem: Problem, settings
     return ca.sum2(size(load))
 
 
-def _errors(ca: Any, plant: SampledPlant, samples: int, past: float, setpoint: float, load: float, given: Any) -> Any:
+def _errors(ca: Any, plant: SampledPlant, samples: int, past: float, setpoint: float, load: float, value: Any) -> Any:
     """Return the control errors after steps of setpoint [°C] and load [%] with settings, shape (1, samples)."""
     modes, taps = len(plant.poles), plant.delay + 1
     state = ca.SX.sym("state", modes + taps + 3)
@@ -528,7 +528,7 @@ def _errors(ca: Any, plant: SampledPlant, samples: int, past: float, setpoint: f
     following = plant.poles * x + plant.now * line[plant.delay] + plant.before * line[plant.delay + 1]
     after = ca.vertcat(following, line[:taps], summed, filtered, error)
     step = ca.Function("step", [state, settings], [after, setpoint - ca.sum1(following)])
-    return step.mapaccum("loop", samples)(ca.DM.zeros(modes + taps + 3), ca.repmat(given, 1, samples))[1]
+    return step.mapaccum("loop", samples)(ca.DM.zeros(modes + taps + 3), ca.repmat(value, 1, samples))[1]
 
 
 def _distances(ca: Any, plant: SampledPlant, settings: Any, omega: Any, problem: Problem) -> Any:

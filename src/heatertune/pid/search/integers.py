@@ -23,7 +23,8 @@ import numpy as np
 from heatertune.arrays import Array, Complex
 from heatertune.compiled import compile_function
 from heatertune.errors import InputError
-from heatertune.model.values import HeaterModel
+from heatertune.model.model_values import HeaterModel
+from heatertune.pid.design_values import PidDesign
 from heatertune.pid.sampled_loop import (
     encloses_nothing,
     frequencies,
@@ -33,7 +34,6 @@ from heatertune.pid.sampled_loop import (
     sensitivity_peaks,
 )
 from heatertune.pid.search.robust import peaks_on
-from heatertune.pid.values import PidDesign
 
 __all__ = ["IntegerOptimum", "Integers", "LoopBounds", "Vector", "best_integers", "bounds_of", "norms"]
 

@@ -18,10 +18,10 @@ import numpy.typing as npt
 
 from heatertune.arrays import Array
 from heatertune.errors import InputError, UnknownName
-from heatertune.model.values import HeaterModel
+from heatertune.model.model_values import HeaterModel
+from heatertune.pid.design_values import PidDesign, Timer
 from heatertune.pid.sampled_loop import frequencies, part_responses, sample_plant
 from heatertune.pid.tune import STRUCTURES, settle
-from heatertune.pid.values import PidDesign, Timer
 from heatertune.units import check
 
 __all__ = ["quick_tune"]

@@ -17,11 +17,11 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from heatertune.errors import InputError
+from heatertune.model.model_values import FittedModel, Fopdt, HeaterModel, TwoLag
 from heatertune.model.statistics import RATIO, Interval
-from heatertune.model.values import FittedModel, Fopdt, HeaterModel, TwoLag
+from heatertune.pid.design_values import PidDesign, Promise
 from heatertune.pid.sampled_loop import noise_gain, sensitivity_peaks
 from heatertune.pid.specs import Specs
-from heatertune.pid.values import PidDesign, Promise
 from heatertune.units import whole
 
 __all__ = [

@@ -10,8 +10,20 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Annotated, Final, NamedTuple
 
 from heatertune.errors import InputError
-from heatertune.pid.values import Timer
+from heatertune.pid.design_values import Timer
 from heatertune.plc.exported import TextSettings
+from heatertune.plc.firmware.firmware_text import (
+    PwmWindow,
+    blank_matches,
+    calls_open_point,
+    commented,
+    decimal,
+    number_of,
+    sensor_line,
+    setpoint_of,
+    settings_of,
+    window_of,
+)
 from heatertune.plc.firmware.make import FirmwarePid, controller_of, gain_fields, texts_of
 from heatertune.plc.firmware.parallel import (
     COLD,
@@ -26,18 +38,6 @@ from heatertune.plc.firmware.parallel import (
     narrowed_to,
     scan_result,
     step,
-)
-from heatertune.plc.firmware.text import (
-    PwmWindow,
-    blank_matches,
-    calls_open_point,
-    commented,
-    decimal,
-    number_of,
-    sensor_line,
-    setpoint_of,
-    settings_of,
-    window_of,
 )
 from heatertune.plc.open_points import OpenPoint
 from heatertune.plc.ramp import Number

@@ -14,7 +14,7 @@ from typing import Any, Final
 from heatertune.errors import InputError
 from heatertune.plc.cpu.s7_300 import machine
 from heatertune.plc.cpu.s7_300 import source as awl
-from heatertune.plc.cpu.s7_300.exported import ExportedS7
+from heatertune.plc.cpu.s7_300.exported_blocks import ExportedS7
 from heatertune.plc.cpu.s7_300.machine import FULL_SCALE, S7300Cpu, clamp, quotient, real
 from heatertune.plc.cpu.s7_300.program import (
     PULSEGEN,
@@ -31,7 +31,7 @@ from heatertune.plc.cpu.s7_300.source import BlockMember, as_real, bits_of, sign
 from heatertune.plc.fb41.step import ContCAssumptions, ContCParameters, ContCState, scale_reading, scan
 from heatertune.plc.fb41.words import FIELDS, parameters_of, reading_periphery
 from heatertune.plc.feed_forward import FeedForward, FeedForwardHooks
-from heatertune.plc.firmware.text import blank_matches
+from heatertune.plc.firmware.firmware_text import blank_matches
 from heatertune.plc.ramp import Number
 from heatertune.plc.readback import PastedNames, ReadBack, WordCollector, put_pasted, unread_lines
 from heatertune.plc.single_precision import single

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from heatertune.errors import NotRepresentable
-from heatertune.pid.values import PidDesign, structure_of
+from heatertune.pid.design_values import PidDesign, structure_of
 from heatertune.plc.cpu.s7_300.machine import quotient, real
 from heatertune.plc.fb41.step import ContCParameters
 from heatertune.plc.ramp import Number

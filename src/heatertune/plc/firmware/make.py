@@ -15,11 +15,11 @@ from functools import partial
 from typing import Any, Final, NamedTuple
 
 from heatertune.errors import NotRepresentable, OutOfRange
-from heatertune.pid.values import PidDesign, Timer, structure_of
+from heatertune.pid.design_values import PidDesign, Timer, structure_of
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import ControllerState, StepFunctions
 from heatertune.plc.exported import Loads, TextSettings
-from heatertune.plc.firmware.text import decimal
+from heatertune.plc.firmware.firmware_text import decimal
 from heatertune.plc.keyed_entry import entry_texts
 from heatertune.plc.open_points import NothingOpen
 from heatertune.plc.ramp import Number

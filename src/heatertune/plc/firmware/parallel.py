@@ -112,7 +112,7 @@ def step(p: ParallelParameters, s: ParallelState, setpoint: float, reading: floa
     return scan_result(p, compute_call(p, s, setpoint, reading, interval))
 
 
-def again(s: ParallelState, begins: bool, output: float, waited: float, held: int) -> ParallelState:
+def again(s: ParallelState, begins: bool, output: float, waited: float, bits: int) -> ParallelState:
     """Return a state whose memory is as it was.
 
     Args:
@@ -120,10 +120,10 @@ def again(s: ParallelState, begins: bool, output: float, waited: float, held: in
         begins: whether nothing is computed since the start or since manual.
         output: from now on.
         waited: since the last call that computed [ms].
-        held: who has the heater.
+        bits: who has the heater.
     """
     return ParallelState(begins, s.calls % _TEN + 1, s.integral, s.proportional, s.derivative, s.reading, s.error,
-                         s.setpoint, output, waited, s.sample_count, s.slopes, held)
+                         s.setpoint, output, waited, s.sample_count, s.slopes, bits)
 
 
 def scan_result(p: ParallelParameters, s: ParallelState) -> tuple[ParallelState, float, float, int]:
@@ -234,11 +234,11 @@ def _summed_by_time(p: ParallelParameters, s: ParallelState, setpoint: float, re
                          slopes, CONTROLLER)
 
 
-def _mean(p: ParallelParameters, slopes: tuple[float, ...], kept: int) -> float:
+def _mean(p: ParallelParameters, slopes: tuple[float, ...], count: int) -> float:
     total = 0.0
-    for place in range(_SAMPLES - kept, _SAMPLES):
+    for place in range(_SAMPLES - count, _SAMPLES):
         total = narrowed_to(p.narrow, total + slopes[place])
-    return narrowed_to(p.narrow, total / kept)
+    return narrowed_to(p.narrow, total / count)
 
 
 def _of_terms(p: ParallelParameters, s: ParallelState, setpoint: float, reading: float,

@@ -12,14 +12,14 @@ from functools import partial
 from typing import Final
 
 from heatertune.plc.cpu.iec.machine import TextProgram
-from heatertune.plc.cpu.iec.text import units
+from heatertune.plc.cpu.iec.st_syntax import units
 from heatertune.plc.iec_pid.step import IecPidAssumptions
 from heatertune.plc.iec_pid.words import COUNTS, FIELDS
 from heatertune.plc.keyed_entry import entry_texts
 from heatertune.plc.readback import ReadBack
-from heatertune.plc.st.exported import ExportedProgram, check_project
+from heatertune.plc.st.exported_program import ExportedProgram, check_project
 from heatertune.plc.st.plcopen import project
-from heatertune.plc.st.program import (
+from heatertune.plc.st.program_text import (
     LARGEST,
     BlockSource,
     ProgramLimits,

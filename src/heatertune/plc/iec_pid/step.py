@@ -15,7 +15,7 @@ from typing import Annotated, Final, NamedTuple
 
 from heatertune.plc.open_points import OpenPoint
 from heatertune.plc.single_precision import LARGEST, divide_single, single
-from heatertune.plc.st.program import NANOSECONDS, SECONDS, TENS_OF_MS, time_to_real
+from heatertune.plc.st.program_text import NANOSECONDS, SECONDS, TENS_OF_MS, time_to_real
 
 __all__ = ["COLD", "IecPidAssumptions", "IecPidConstants", "IecPidInputs", "IecPidState", "block_of", "call", "scan",
            "step"]

@@ -14,7 +14,7 @@ from heatertune.plc.iec_pid_text.faults import faults
 from heatertune.plc.iec_pid_text.words import FIELDS
 from heatertune.plc.keyed_entry import entry_texts
 from heatertune.plc.readback import ReadBack
-from heatertune.plc.st.program import (
+from heatertune.plc.st.program_text import (
     ProgramLimits,
     clock_for,
     comment,

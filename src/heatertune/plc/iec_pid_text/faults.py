@@ -16,7 +16,7 @@ from heatertune.plc.iec_pid_text.step import (
 )
 from heatertune.plc.ramp import Number
 from heatertune.plc.single_precision import single
-from heatertune.plc.st.program import MILLISECONDS
+from heatertune.plc.st.program_text import MILLISECONDS
 from heatertune.plc.words import Words
 
 __all__ = ["faults"]

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from typing import Annotated, Final, NamedTuple
 
 from heatertune.plc.single_precision import divide_single, single
-from heatertune.plc.st.program import SECONDS, TIME_UNIT, time_to_real
+from heatertune.plc.st.program_text import SECONDS, TIME_UNIT, time_to_real
 
 __all__ = ["COLD", "StandardPidAssumptions", "StandardPidBlock", "StandardPidState", "block_of", "call", "scan", "step"]
 

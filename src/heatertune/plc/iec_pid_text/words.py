@@ -6,7 +6,7 @@ import math
 from typing import Final
 
 from heatertune.errors import NotRepresentable, OutOfRange
-from heatertune.pid.values import PidDesign, structure_of
+from heatertune.pid.design_values import PidDesign, structure_of
 from heatertune.plc.iec_pid.words import CYCLE_FIELD, TD_FIELD, TR_FIELD, real_field
 from heatertune.plc.ramp import Number
 from heatertune.plc.words import FORMATS, Scaling, WordField, Words, round_to_word

@@ -18,12 +18,12 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Annotated, Final, NamedTuple
 
 from heatertune.errors import InputError
-from heatertune.pid.values import Timer
+from heatertune.pid.design_values import Timer
 from heatertune.plc.core import Sensor, StepFunctions, count
-from heatertune.plc.cpu.statements import in_ascii
+from heatertune.plc.cpu.statement_translation import in_ascii
 from heatertune.plc.exported import TextSettings
+from heatertune.plc.firmware.firmware_text import PLACEHOLDER, UNKNOWN, commented, heater_open_point, several
 from heatertune.plc.firmware.make import FirmwarePid, controller_of, texts_of
-from heatertune.plc.firmware.text import PLACEHOLDER, UNKNOWN, commented, heater_open_point, several
 from heatertune.plc.open_points import OpenPoint
 from heatertune.plc.ramp import Number
 from heatertune.plc.readback import ReadBack, WordCollector, demand_whole_lines, lines_of, wrong
@@ -318,9 +318,9 @@ def _export(words: Words, certificate: Certificate) -> dict[str, str | bytes]:
     return {_CONFIG: _config(words, certificate), _TRIAL: _trial(words, certificate)}
 
 
-def heater_of(known: Mapping[str, str]) -> tuple[str, str]:
+def heater_of(stated: Mapping[str, str]) -> tuple[str, str]:
     """Return the heater's section of printer.cfg, and its name in G-code, for what is known of the open points."""
-    heater = known.get("heater", UNKNOWN)
+    heater = stated.get("heater", UNKNOWN)
     if heater == "heater_generic":
         return f"{heater} {PLACEHOLDER}", PLACEHOLDER
     return (PLACEHOLDER, PLACEHOLDER) if heater == UNKNOWN else (heater, heater)

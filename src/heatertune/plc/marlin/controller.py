@@ -11,10 +11,11 @@ from functools import partial
 from typing import Annotated, Final, NamedTuple
 
 from heatertune.errors import InputError
-from heatertune.pid.values import Timer
+from heatertune.pid.design_values import Timer
 from heatertune.plc.controller import Controller
-from heatertune.plc.cpu.statements import in_ascii
+from heatertune.plc.cpu.statement_translation import in_ascii
 from heatertune.plc.exported import TextSettings
+from heatertune.plc.firmware.firmware_text import UNKNOWN, commented, heater_open_point, sensor_line, several
 from heatertune.plc.firmware.make import FirmwarePid, controller_of, gain_fields, texts_of
 from heatertune.plc.firmware.parallel import (
     COLD,
@@ -27,7 +28,6 @@ from heatertune.plc.firmware.parallel import (
     quotient,
     scan_result,
 )
-from heatertune.plc.firmware.text import UNKNOWN, commented, heater_open_point, sensor_line, several
 from heatertune.plc.open_points import OpenPoint
 from heatertune.plc.ramp import Number
 from heatertune.plc.readback import (
@@ -273,10 +273,10 @@ def _defined(name: str, value: str, line: int, source: str, *, is_comment: bool)
     return [_Entry(word, value.strip("() "), line, heater, is_comment)] if word else []
 
 
-def _m301(given: str, line: int, source: str) -> list[tuple[str, str]]:
-    letters = _LETTER.findall(given)
-    if _LETTER.sub("", given).strip() or not letters:
-        raise wrong(source, line, "M301", given, "P, I and D, each with a number")
+def _m301(text: str, line: int, source: str) -> list[tuple[str, str]]:
+    letters = _LETTER.findall(text)
+    if _LETTER.sub("", text).strip() or not letters:
+        raise wrong(source, line, "M301", text, "P, I and D, each with a number")
     found = []
     for letter, value in letters:
         if letter.upper() == "E" and value not in ("0", ""):

@@ -6,7 +6,7 @@ import math
 from typing import Final
 
 from heatertune.errors import NotRepresentable, OutOfRange
-from heatertune.pid.values import PidDesign, Timer
+from heatertune.pid.design_values import PidDesign, Timer
 from heatertune.plc.words import Scaling, WordField, Words
 
 __all__ = ["BAND_DEGC", "COUNTS", "FIELDS", "TIMER", "consistent", "oddities", "values_of"]

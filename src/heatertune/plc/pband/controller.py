@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any, Final
 
-from heatertune.pid.values import Timer
+from heatertune.pid.design_values import Timer
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import ControllerState, StepFunctions, count
 from heatertune.plc.keyed_entry import entry_texts

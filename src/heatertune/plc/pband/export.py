@@ -10,7 +10,7 @@ from functools import partial
 from typing import Final
 
 from heatertune.errors import ExportRefused
-from heatertune.plc.cpu.statements import in_ascii
+from heatertune.plc.cpu.statement_translation import in_ascii
 from heatertune.plc.exported import TextSettings
 from heatertune.plc.pband.makes import TIME_UNIT, Entry, Make, field_of
 from heatertune.plc.pband.step import PbandAssumptions
@@ -87,7 +87,7 @@ class _SheetReader:
 
     def values(self) -> dict[str, Number]:
         """Return all words; errors as `from_text`."""
-        for entry, line, text in sorted(self._displayed, key=lambda each: each[0].role != "unit"):
+        for entry, line, text in sorted(self._displayed, key=lambda entry: entry[0].role != "unit"):
             decimals = places(entry, {TIME_UNIT: self._unit or 0})
             self._put(entry, _typed(entry, decimals, text, (self._source, line)), line, text)
         return self._collected.values()

@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from heatertune.errors import NotRepresentable, OutOfRange
-from heatertune.pid.values import PidDesign, structure_of
+from heatertune.pid.design_values import PidDesign, structure_of
 from heatertune.plc.pband.makes import OFF_7201, TIME_UNIT, Entry, Make
 from heatertune.plc.pband.step import PbandAssumptions, PbandBlock
 from heatertune.plc.ramp import Number

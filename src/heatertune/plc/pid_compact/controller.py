@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from functools import partial
 from typing import ClassVar, Final
 
-from heatertune.pid.values import PidDesign, Timer
+from heatertune.pid.design_values import PidDesign, Timer
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import ControllerState, Sensor, StepFunctions, count
 from heatertune.plc.pid_compact.export import LAW, export_words, loaders

@@ -14,8 +14,8 @@ from typing import Any, Final, NamedTuple
 
 from heatertune.errors import InputError
 from heatertune.plc.cpu.iec.machine import Firmware, TextProgram, Value
-from heatertune.plc.cpu.iec.text import units
-from heatertune.plc.cpu.statements import in_ascii
+from heatertune.plc.cpu.iec.st_syntax import units
+from heatertune.plc.cpu.statement_translation import in_ascii
 from heatertune.plc.exported import CallResult, ExportedInPlc
 from heatertune.plc.keyed_entry import as_typed
 from heatertune.plc.pid_compact.step import COLD, block_of, scale_input, scan
@@ -23,7 +23,7 @@ from heatertune.plc.pid_compact.words import COUNTS, BlockTags
 from heatertune.plc.pwm import Actuator
 from heatertune.plc.ramp import Number
 from heatertune.plc.single_precision import single
-from heatertune.plc.st.program import comment
+from heatertune.plc.st.program_text import comment
 from heatertune.plc.words import Certificate, Scaling, WordField, Words
 
 __all__ = [
@@ -256,14 +256,14 @@ class ExportedPid(ExportedInPlc):
         self._program["Starts"] = True
         self._since = 0
 
-    def call(self, asked: Number, counts: int, reading_degC: float) -> CallResult:  # noqa: ARG002 - of Input_PER
+    def call(self, target: Number, counts: int, reading_degC: float) -> CallResult:  # noqa: ARG002 - of Input_PER
         """Run the tick in which the algorithm is due."""
         self._since = 0
-        return self._scan(asked, counts)
+        return self._scan(target, counts)
 
-    def tick(self, asked: Number, counts: int, reading_degC: float) -> tuple[CallResult, bool | None]:  # noqa: ARG002
+    def tick(self, target: Number, counts: int, reading_degC: float) -> tuple[CallResult, bool | None]:  # noqa: ARG002
         """Run a tick of the cyclic interrupt OB; the pulses are the instruction's own."""
-        return self._scan(asked, counts), None
+        return self._scan(target, counts), None
 
     def interrupt(self) -> tuple[float, bool | None]:
         """Run a tick with a broken wire."""
@@ -282,9 +282,9 @@ class ExportedPid(ExportedInPlc):
         """Return None: nothing is counted."""
         return None
 
-    def _scan(self, asked: Number, counts: int) -> CallResult:
+    def _scan(self, target: Number, counts: int) -> CallResult:
         program, self._firmware.due = self._program, self._since % self._per_call == 0
-        program["Setpoint"], program["Reading"] = asked, counts
+        program["Setpoint"], program["Reading"] = target, counts
         program.scan()
         program["Starts"] = False
         self._since += 1
@@ -335,18 +335,18 @@ class FirmwareInstruction:
                 *(f"{place}{kind}{end}Scaling" for kind in ("", "Pwm") for end in ("Upper", "Lower")))}
         return Firmware(kinds, lambda: self._run)
 
-    def _run(self, given: Mapping[str, Any]) -> dict[str, Value]:
-        if wrong := [name for name, value in self._sure.items() if given[name] != value]:
+    def _run(self, signals: Mapping[str, Any]) -> dict[str, Value]:
+        if wrong := [name for name, value in self._sure.items() if signals[name] != value]:
             raise InputError(f"{wrong[0]} is not what was proven")
-        if not (self.due or given["Reset"]):
+        if not (self.due or signals["Reset"]):
             return {"Power": self._power}
-        values = {field.name: given[_flat(field.address)] for field in self._fields}
+        values = {field.name: signals[_flat(field.address)] for field in self._fields}
         if values != self._held:
             self._held, self._block = values, self._law.block_of(values, self._assume)
-        low, high = (given[f"Config_InputScaling_{end}PointOut"] for end in ("Lower", "Upper"))
-        reading = scale_input(given["Input_PER"], int(given["Config_InputScaling_UpperPointIn"]), low, high)
-        inputs = {"Setpoint": min(max(given["Setpoint"], given["Config_SetpointLowerLimit"]),
-                                  given["Config_SetpointUpperLimit"]), "Input": reading, "Reset": given["Reset"]}
+        low, high = (signals[f"Config_InputScaling_{end}PointOut"] for end in ("Lower", "Upper"))
+        reading = scale_input(signals["Input_PER"], int(signals["Config_InputScaling_UpperPointIn"]), low, high)
+        inputs = {"Setpoint": min(max(signals["Setpoint"], signals["Config_SetpointLowerLimit"]),
+                                  signals["Config_SetpointUpperLimit"]), "Input": reading, "Reset": signals["Reset"]}
         self._state, _, self._power, _ = self._law.scan((self._block, self._assume), self._state, inputs)
         return {"Power": self._power}
 

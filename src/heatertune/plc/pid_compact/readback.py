@@ -209,7 +209,7 @@ def _all(text: str, source: str) -> Iterator[_SclAssignments]:
 def _of_source(text: str, source: str) -> Iterator[_SclAssignments]:
     """Yield the assignments of the functions in a source, but for what saves the parameters of before."""
     plain = _blanked(text)
-    outside = _FUNCTION.sub(lambda found: re.sub(r"[^\n]", " ", found[0]), plain)
+    outside = _FUNCTION.sub(lambda match: re.sub(r"[^\n]", " ", match[0]), plain)
     for line, content in lines_of(outside):
         if content:
             raise wrong(source, line, "statement", content, 'FUNCTION "…" to END_FUNCTION')
@@ -276,7 +276,7 @@ def _tag(name: str) -> str:
 
 
 def _blanked(text: str) -> str:
-    return _COMMENT.sub(lambda found: re.sub(r"[^\n]", " ", found[0]), text)
+    return _COMMENT.sub(lambda match: re.sub(r"[^\n]", " ", match[0]), text)
 
 
 def _compared(tags: BlockTags, text: str, others: Sequence[_SclAssignments]) -> Callable[[Words], tuple[str, ...]]:
@@ -299,10 +299,10 @@ def _compared(tags: BlockTags, text: str, others: Sequence[_SclAssignments]) -> 
 
 def _shape(function: str) -> str:
     """Return a function's text without its plain assignments and blanks, its instance by one name."""
-    def kept(found: re.Match[str]) -> str:
-        assigned = _ASSIGNED.fullmatch(found[0].strip())
+    def kept(match: re.Match[str]) -> str:
+        assigned = _ASSIGNED.fullmatch(match[0].strip())
         plain = assigned is not None and '"' not in assigned[2] and _tag(assigned[1]).upper() != "LOADBACKUP"
-        return "" if plain else found[0]
+        return "" if plain else match[0]
 
     head, begin, body = re.split(r"(\bBEGIN\b)", function, maxsplit=1, flags=re.IGNORECASE)
     joined = head + begin + _STATEMENT.sub(kept, body)

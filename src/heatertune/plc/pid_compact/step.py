@@ -166,9 +166,9 @@ def scan(
     return step(parameters, state, inputs["Setpoint"], inputs["Input"], False)
 
 
-def _outcome(made: tuple[PidCompactState, float]) -> tuple[PidCompactState, float, float, int]:
+def _outcome(outcome: tuple[PidCompactState, float]) -> tuple[PidCompactState, float, float, int]:
     """Return the state, the output as power, the output, and the flags as bits."""
-    after, output = made
+    after, output = outcome
     bits = int(after.above) + 2 * int(after.below) + 4 * int(after.invalid)
     return after, min(max(output, 0.0), 100.0), output, bits
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from heatertune.errors import NotRepresentable, OutOfRange
-from heatertune.pid.values import PidDesign, structure_of
+from heatertune.pid.design_values import PidDesign, structure_of
 from heatertune.plc.ramp import Number
 from heatertune.plc.words import FORMATS, WordField, Words, check_limits, round_to_word
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Final
 
 from heatertune.errors import OutOfRange
-from heatertune.pid.values import PidDesign
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc.pid_compact.words import (
     COOL,
     PARAMETERS,

@@ -13,7 +13,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Final, NamedTuple
 
-from heatertune.plc.cpu.iec.text import Assignment, Branches, Expression, Literal, Name, Operation, body_of
+from heatertune.plc.cpu.iec.st_syntax import Assignment, Branches, Expression, Literal, Name, Operation, body_of
 from heatertune.plc.ramp import Number, Ramp
 
 __all__ = [

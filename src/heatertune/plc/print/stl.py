@@ -77,7 +77,7 @@ class Printer(ABC):
         """Yield what loads a cell or a constant."""
         yield "L", self.operand(what), remark
 
-    def assign(self, made: Set) -> Iterator[tuple[str, ...]] | None:  # noqa: ARG002 - a target's own looks at it
+    def assign(self, assignment: Set) -> Iterator[tuple[str, ...]] | None:  # noqa: ARG002 - a target's own looks at it
         """Return what gives a cell its sum where it is no plain one; None: it is."""
         return None
 
@@ -228,22 +228,22 @@ def _operand(what: Operand, at: Mapping[str, str]) -> str:
     return f"{what:+d}" if isinstance(what, int) else at[what]
 
 
-def _word(made: Set, at: Mapping[str, str]) -> Iterator[str]:
-    first, *others = made.terms
-    target = at[made.cell]
-    assert all(term.what != made.cell for term in others)
-    if first.what != made.cell:
+def _word(assignment: Set, at: Mapping[str, str]) -> Iterator[str]:
+    first, *others = assignment.terms
+    target = at[assignment.cell]
+    assert all(term.what != assignment.cell for term in others)
+    if first.what != assignment.cell:
         yield f"MOVW {_operand(first.what, at)}, {target}"
     for term in others:
         yield f"{'+' if term.sign > 0 else '-'}I {_operand(term.what, at)}, {target}"
 
 
-def _double(made: Set, at: Mapping[str, str]) -> Iterator[str]:
-    target = at[made.cell]
-    first, *others = made.terms
+def _double(assignment: Set, at: Mapping[str, str]) -> Iterator[str]:
+    target = at[assignment.cell]
+    first, *others = assignment.terms
     if isinstance(first.what, int):
         yield f"MOVD {first.sign * first.what:+d}, {target}"
-    elif first.what != made.cell:
+    elif first.what != assignment.cell:
         yield f"{'MOVD' if _is_double(first.what, at) else 'ITD'} {_operand(first.what, at)}, {target}"
     for term in others:
         summand = _operand(term.what, at)

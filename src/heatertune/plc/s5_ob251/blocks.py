@@ -93,15 +93,15 @@ FOUR_MA: Final = 512
 _BROKEN_UNITS: Final = ceil(FOUR_MA * BROKEN_MA / 4.0)
 
 
-def work(asked: int, ramp: Ramp | None) -> list[tuple[int, str]]:
+def work(setpoint: int, ramp: Ramp | None) -> list[tuple[int, str]]:
     """Return the words of DB31 from DW0 on, each with what it is; beside the setpoint they are as FB31 leaves them.
 
     Args:
-        asked: setpoint [units].
+        setpoint: setpoint [units].
         ramp: of the setpoint; None: none.
     """
     words = [
-        (asked, "ASKED: the setpoint, 0...2047 units: yours to write"), (0, "X"), (0, "W"),
+        (setpoint, "ASKED: the setpoint, 0...2047 units: yours to write"), (0, "X"), (0, "W"),
         (0, "analog input as read; bit 1: wire break"), (0, "YA"), (1, "calls of OB13 until OB251's"),
         (PERIOD_ENDS, "STAIR of the PWM"), (0, "REST of the PWM"), (0, "HELD of the PWM: YA of this period"),
         (0, "1: the sensor broke, off until manual"), (0, "1: the ramp has begun"),
@@ -321,13 +321,13 @@ _USUAL_S: Final = 0.1
 _CALL_MS: Final = 2.0
 
 
-def program_listing(words: Words, certificate: Certificate, asked: int, typed: Sequence[str]) -> str:
+def program_listing(words: Words, certificate: Certificate, setpoint: int, typed: Sequence[str]) -> str:
     """Return the listing.
 
     Args:
         words: that were proven.
         certificate: of the proof.
-        asked: setpoint [units].
+        setpoint: setpoint [units].
         typed: lines of DB30.
     """
     stairs = staircase(certificate.actuator, words.sample_time_s)
@@ -342,7 +342,7 @@ def program_listing(words: Words, certificate: Certificate, asked: int, typed: S
     scale = words.scaling
     started = start_up(interval, pwm=stairs is not None, ramp=ramp, retained=retains(certificate))
     blocks = [
-        [f"DB{DB}", *typed], [f"DB{WORK}", *_work(asked, words)], heat(stairs, ramp, scale.input), started,
+        [f"DB{DB}", *typed], [f"DB{WORK}", *_work(setpoint, words)], heat(stairs, ramp, scale.input), started,
         *([] if ramp is None else [ramp_block(ramp)]), *organisation_blocks()]
     return "\n".join([*(f"// {line}" for line in head), *(line for block in blocks for line in ("", *block))]) + "\n"
 
@@ -406,6 +406,6 @@ def _unmade(certificate: Certificate) -> str:
     return f"It was proven as a switch: {certificate.actuator.summary}, which calls of OB13 do not make."
 
 
-def _work(asked: int, words: Words) -> Iterator[str]:
-    for dw, (value, comment) in enumerate(work(asked, words.ramp)):
+def _work(setpoint: int, words: Words) -> Iterator[str]:
+    for dw, (value, comment) in enumerate(work(setpoint, words.ramp)):
         yield f"{f'{dw:4d}:  KF = {value:+06d};'.ljust(33)}{comment}"

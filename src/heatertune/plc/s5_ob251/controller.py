@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from heatertune.pid.values import Timer
+from heatertune.pid.design_values import Timer
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import ControllerState, StepFunctions, count
 from heatertune.plc.inputs import FOUR_TO_TWENTY, Range

@@ -22,7 +22,7 @@ from typing import Any, Final, NamedTuple
 from heatertune.errors import InputError
 from heatertune.plc.core import Sensor, count
 from heatertune.plc.cpu.s5.machine import S5Cpu
-from heatertune.plc.cpu.statements import in_ascii
+from heatertune.plc.cpu.statement_translation import in_ascii
 from heatertune.plc.exported import CallResult, ExportedInPlc
 from heatertune.plc.feed_forward import FeedForward, FeedForwardHooks
 from heatertune.plc.keyed_entry import FIRST, THEN, bits, typed_words
@@ -355,17 +355,17 @@ class ExportedS5(ExportedInPlc):
         self._cpu.run("OB 22")
         self._begun = False
 
-    def call(self, asked: Number, counts: int, reading_degC: float) -> CallResult:
+    def call(self, target: Number, counts: int, reading_degC: float) -> CallResult:
         """Run OB13 when OB251 is due."""
         if self._begun:
             self._work[_DUE] = 1
-        return self.tick(asked, counts, reading_degC)[0]
+        return self.tick(target, counts, reading_degC)[0]
 
-    def tick(self, asked: Number, counts: int, reading_degC: float) -> tuple[CallResult, bool | None]:  # noqa: ARG002
+    def tick(self, target: Number, counts: int, reading_degC: float) -> tuple[CallResult, bool | None]:  # noqa: ARG002
         """Run OB13."""
-        if self._asked not in (None, asked):
-            self._work[_ASKED] = int(asked)
-        self._asked, self._begun = asked, True
+        if self._asked not in (None, target):
+            self._work[_ASKED] = int(target)
+        self._asked, self._begun = target, True
         self._cpu.inputs[INPUT] = counts + self._zero << 3
         self._cpu.run("OB 13")
         output = self._own[48]

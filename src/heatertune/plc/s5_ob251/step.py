@@ -197,15 +197,15 @@ def call(
 
 
 def _automatic(
-    p: Ob251Parameters, assume: Ob251Assumptions, state: Ob251State, other: float, integral: float
+    p: Ob251Parameters, assume: Ob251Assumptions, state: Ob251State, value: float, integral: float
 ) -> tuple[float, int, int]:
     """Add the increments, limit, and keep the integral action out while at a limit: Y, YA and the side."""
     before = 0.0 if p.steu & GESCHW else state.total
     at_limit = state.at_limit
     if assume.flag_of_same_call:
-        at_limit = _side(p, assume, before + _whole(assume, other + integral))
+        at_limit = _side(p, assume, before + _whole(assume, value + integral))
     outward = at_limit * integral > 0.0 if assume.inward_allowed else at_limit != 0
-    increment = _whole(assume, other if outward else other + integral)
+    increment = _whole(assume, value if outward else value + integral)
     total = before + increment
     limited = min(max(total, float(p.lower)), float(p.upper))
     return limited if assume.sum_is_limited else total, int(limited), _side(p, assume, total)  # YA is cut towards zero

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from heatertune.errors import NotRepresentable, OutOfRange
-from heatertune.pid.values import PidDesign, structure_of
+from heatertune.pid.design_values import PidDesign, structure_of
 from heatertune.plc.s5_ob251.step import AUTO, FULL_SCALE, NO_Z, Ob251Parameters
 from heatertune.plc.words import Scaling, WordField, Words, round_half_away
 

@@ -6,7 +6,7 @@ import math
 from typing import Final
 
 from heatertune.errors import NotRepresentable, OutOfRange
-from heatertune.pid.values import PidDesign, structure_of
+from heatertune.pid.design_values import PidDesign, structure_of
 from heatertune.plc.cpu.s7_200.io_and_cycle import MOST, TICK_FIELDS, cycle_ms, ms_per_count, ticks_of, whole_cycle
 from heatertune.plc.words import Scaling, WordField, Words, round_half_away
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from heatertune.errors import NotRepresentable
-from heatertune.pid.values import PidDesign
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc.cpu.s7_200.io_and_cycle import MOST, ms_per_count, whole_cycle
 from heatertune.plc.ramp import Number
 from heatertune.plc.words import Scaling, WordField, Words

@@ -23,7 +23,7 @@ from heatertune.plc.cpu.s7_200.assembler import (
 )
 from heatertune.plc.cpu.s7_200.io_and_cycle import SWITCH, clock, cycle_ms, head, ticks_of, whole_cycle
 from heatertune.plc.cpu.s7_200.readback import DataBlockMemory, difference, is_program, loads
-from heatertune.plc.firmware.text import blank_matches
+from heatertune.plc.firmware.firmware_text import blank_matches
 from heatertune.plc.inputs import BROKEN_MA, FOUR_TO_TWENTY, INPUTS, has_ends, module, share_of
 from heatertune.plc.print.statements import setpoint_ramp
 from heatertune.plc.print.stl import networks, ramp_begins

@@ -6,7 +6,7 @@ import math
 from typing import Final
 
 from heatertune.errors import OutOfRange
-from heatertune.pid.values import PidDesign, structure_of
+from heatertune.pid.design_values import PidDesign, structure_of
 from heatertune.plc.cpu.s7_200.io_and_cycle import TICK_FIELDS, ticks_of, whole_cycle
 from heatertune.plc.inputs import FOUR_TO_TWENTY, Range
 from heatertune.plc.ramp import Number

@@ -12,7 +12,7 @@ from typing import Final
 
 from heatertune.plc.cpu.s7_300 import machine
 from heatertune.plc.cpu.s7_300 import source as awl
-from heatertune.plc.cpu.s7_300.exported import ExportedS7
+from heatertune.plc.cpu.s7_300.exported_blocks import ExportedS7
 from heatertune.plc.cpu.s7_300.machine import FULL_SCALE
 from heatertune.plc.cpu.s7_300.program import (
     PULSEGEN,

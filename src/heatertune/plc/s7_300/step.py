@@ -147,9 +147,9 @@ def _coefficients(p: PidTipParameters, os: bool) -> tuple[float, float, bool]:
     return ci, cd, os
 
 
-def _bias(assume: PidTipAssumptions, output: float, mi: float, other: float, os: bool) -> tuple[float, bool]:
+def _bias(assume: PidTipAssumptions, output: float, mi: float, value: float, os: bool) -> tuple[float, bool]:
     """Adjust the bias so that the output ends at its limit (formulas 2.8 and 2.9); OS comes with it."""
     if 0.0 <= output <= 1.0:
         return (clamp(mi, 0.0, 1.0) if assume.bias_always_clamped else mi), os
-    adjusted, os = real((1.0 if output > 1.0 else 0.0) - other, os)
+    adjusted, os = real((1.0 if output > 1.0 else 0.0) - value, os)
     return clamp(adjusted, 0.0, 1.0), os

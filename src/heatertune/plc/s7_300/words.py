@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from heatertune.pid.values import PidDesign, structure_of
+from heatertune.pid.design_values import PidDesign, structure_of
 from heatertune.plc.words import FORMATS, Scaling, WordField, Words
 
 __all__ = ["FIELDS", "design_of", "values_of"]

@@ -14,8 +14,17 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Annotated, Any, Final, NamedTuple
 
 from heatertune.errors import InputError
-from heatertune.pid.values import Timer
+from heatertune.pid.design_values import Timer
 from heatertune.plc.exported import TextSettings
+from heatertune.plc.firmware.firmware_text import (
+    calls_open_point,
+    commented,
+    decimal,
+    sensor_line,
+    setpoint_of,
+    settings_of,
+    window_of,
+)
 from heatertune.plc.firmware.make import FirmwarePid, controller_of, gain_fields, texts_of
 from heatertune.plc.firmware.parallel import (
     COLD,
@@ -29,15 +38,6 @@ from heatertune.plc.firmware.parallel import (
     compute_call,
     scan_result,
     step,
-)
-from heatertune.plc.firmware.text import (
-    calls_open_point,
-    commented,
-    decimal,
-    sensor_line,
-    setpoint_of,
-    settings_of,
-    window_of,
 )
 from heatertune.plc.ramp import Number
 from heatertune.plc.readback import ReadBack, WordCollector, wrong

@@ -12,9 +12,9 @@ from typing import Final, NamedTuple
 from xml.etree import ElementTree as Xml
 
 from heatertune.errors import InputError
-from heatertune.plc.cpu.iec.text import ProgramUnit, Variable, body_of, literal
-from heatertune.plc.cpu.statements import in_ascii
-from heatertune.plc.st.program import BlockSource
+from heatertune.plc.cpu.iec.st_syntax import ProgramUnit, Variable, body_of, literal
+from heatertune.plc.cpu.statement_translation import in_ascii
+from heatertune.plc.st.program_text import BlockSource
 
 __all__ = ["Project", "project", "project_of"]
 

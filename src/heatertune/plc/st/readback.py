@@ -94,12 +94,12 @@ def words_in(text: str, source: str, block: ExpectedBlock) -> ReadBack:
     return ReadBack(collected.values(), (*over, *(_around(text, plain, asked) if calls else ())))
 
 
-def _around(text: str, plain: str, asked: Mapping[str, WordField]) -> Iterator[str]:
+def _around(text: str, plain: str, fields: Mapping[str, WordField]) -> Iterator[str]:
     """Yield what a program holds beside the one call of the block and what is set for it: nothing of it is compared."""
     for match in _TEXT_OF.finditer(_blanked(_COMMENT, text)):
         yield f"FUNCTION_BLOCK {match[1] or match[2]} (line {text.count(chr(10), 0, match.start()) + 1})"
     rest = _blanked(_CALL, plain)
-    members = sum(match[1].upper() in asked for match in _MEMBER.finditer(rest))
+    members = sum(match[1].upper() in fields for match in _MEMBER.finditer(rest))
     if rest.count(":=") > members:
         yield "the program around the call: when it is called, what else switches the heater"
 
@@ -125,10 +125,10 @@ def _blanked(pattern: re.Pattern[str], text: str) -> str:
     return pattern.sub(lambda match: re.sub(r"[^\n]", " ", match[0]), text)
 
 
-def _members(text: str, asked: Mapping[str, WordField]) -> Iterator[_StAssignments]:
+def _members(text: str, fields: Mapping[str, WordField]) -> Iterator[_StAssignments]:
     """Yield the words that a program sets as members of its block."""
     for match in _MEMBER.finditer(text):
-        if match[1].upper() in asked:
+        if match[1].upper() in fields:
             yield _StAssignments(text.count("\n", 0, match.start()) + 1, match[1], match[2])
 
 

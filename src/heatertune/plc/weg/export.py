@@ -16,12 +16,12 @@ from functools import partial
 from typing import Any, Final
 
 from heatertune.plc.cpu.iec.machine import Firmware, TextProgram
-from heatertune.plc.cpu.iec.text import units
+from heatertune.plc.cpu.iec.st_syntax import units
 from heatertune.plc.keyed_entry import entry_texts
 from heatertune.plc.readback import ReadBack
-from heatertune.plc.st.exported import ExportedProgram, check_project
+from heatertune.plc.st.exported_program import ExportedProgram, check_project
 from heatertune.plc.st.plcopen import project
-from heatertune.plc.st.program import (
+from heatertune.plc.st.program_text import (
     LARGEST,
     BlockSource,
     ProgramLimits,
@@ -271,12 +271,12 @@ def export_words(words: Words, certificate: Certificate) -> dict[str, str]:
     }
 
 
-def _who_keeps_ts(known: str | None) -> str:
+def _who_keeps_ts(stated: str | None) -> str:
     """Return what is known of it, or that the program finds out."""
-    if known == "block":
+    if stated == "block":
         return "WEG's block keeps Ts itself, as you told (block): BlockKeepsTs is TRUE, and it is called each scan"
-    if known is not None:
-        return f"WEG's block is called each Ts, as you told ({known}): BlockKeepsTs is FALSE"
+    if stated is not None:
+        return f"WEG's block is called each Ts, as you told ({stated}): BlockKeepsTs is FALSE"
     return (f"who keeps Ts, WEG's block or its caller, the first scan after each start-up finds out ({PROBE}): "
             "BlockKeepsTs then shows it; a ladder of your own has to know")
 

@@ -245,9 +245,9 @@ def _begun(assume: WegAssumptions, x: WegInputs) -> WegState:
     return WegState(True, zero if assume.zero_history else x.setpoint, zero, zero, zero, False, False)
 
 
-def _forced(b: WegConstants, assume: WegAssumptions, asked: float) -> float:
-    free = assume.manual_unlimited and math.isfinite(asked)
-    return asked if free else _limited(b, asked)
+def _forced(b: WegConstants, assume: WegAssumptions, setpoint_degC: float) -> float:
+    free = assume.manual_unlimited and math.isfinite(setpoint_degC)
+    return setpoint_degC if free else _limited(b, setpoint_degC)
 
 
 def _manual(b: WegConstants, assume: WegAssumptions, s: WegState, output: float, reference: float,

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from heatertune.errors import OutOfRange
-from heatertune.pid.values import PidDesign, structure_of
+from heatertune.pid.design_values import PidDesign, structure_of
 from heatertune.plc.ramp import Number
 from heatertune.plc.words import FORMATS, Scaling, WordField, Words, check_limits, round_to_word
 

@@ -342,25 +342,25 @@ def cut_off(rows: Places, ring: Ring, begun: int, now: float) -> None:
         stored_under(rows, lane, Under(u.due, u.edge, u.last, 0.0, u.owed, False, u.times, u.happened))
 
 
-def quickly(rows: Places, ring: Ring, window: EdgeWindow, held: PhaseLimits, t: float) -> None:
+def quickly(rows: Places, ring: Ring, window: EdgeWindow, limits: PhaseLimits, t: float) -> None:
     """Bring all heaters to a scan before which nothing happens but edges.
 
     Args:
         rows: places.
         ring: of the PWM periods.
         window: those of which edges may be felt.
-        held: what they are held against.
+        limits: what they are held against.
         t: instant of the scan [s].
     """
     quiet = True
     due = due_until(rows, t)
     while due > 0:
         quiet = False
-        _along(rows, held, _to_edges(rows, held, t))
+        _along(rows, limits, _to_edges(rows, limits, t))
         switches(rows, t)
         next_edges(rows, ring, window)
         due = due_until(rows, t)
-    _along(rows, held, _to_scan(rows, held, t) if quiet else _on_to_scan(rows, held, t))
+    _along(rows, limits, _to_scan(rows, limits, t) if quiet else _on_to_scan(rows, limits, t))
     begin_stretch(rows)
 
 
@@ -372,7 +372,7 @@ def due_until(rows: Places, t: float) -> int:
     return due
 
 
-def _to_edges(rows: Places, held: PhaseLimits, t: float) -> tuple[int, int]:
+def _to_edges(rows: Places, limits: PhaseLimits, t: float) -> tuple[int, int]:
     """Bring the heaters to which one comes until an instant to their next edge; return as `_to_scan`."""
     crossings = settles = 0
     for lane in range(lanes_of(rows)):
@@ -382,24 +382,24 @@ def _to_edges(rows: Places, held: PhaseLimits, t: float) -> tuple[int, int]:
         left = factors(now - stretch.now, plant_of(line)).outer
         y = left_of(stretch.y, stretch.target, left) if moves else stretch.y
         stored_point(rows, lane, Point(now, y, moves or loaded_point(rows, lane).busy))
-        through_it, into_it = _limits(rows, lane, stretch, now, y, held)
+        through_it, into_it = _limits(rows, lane, stretch, now, y, limits)
         crossings, settles = crossings + through_it, settles + into_it
     return crossings, settles
 
 
-def _to_scan(rows: Places, held: PhaseLimits, t: float) -> tuple[int, int]:
+def _to_scan(rows: Places, limits: PhaseLimits, t: float) -> tuple[int, int]:
     """Bring all heaters from one scan to the next; return how many meet which limit, see `_limits`."""
     crossings = settles = 0
     for lane in range(lanes_of(rows)):
         stretch = loaded_stretch(rows, lane)
         y = left_of(stretch.y, stretch.target, loaded_line(rows, lane).whole)
         stored_point(rows, lane, Point(t, y, False))
-        through_it, into_it = _limits(rows, lane, stretch, t, y, held)
+        through_it, into_it = _limits(rows, lane, stretch, t, y, limits)
         crossings, settles = crossings + through_it, settles + into_it
     return crossings, settles
 
 
-def _on_to_scan(rows: Places, held: PhaseLimits, t: float) -> tuple[int, int]:
+def _on_to_scan(rows: Places, limits: PhaseLimits, t: float) -> tuple[int, int]:
     """Bring all heaters to a scan before which an edge came to some; return as `_to_scan`."""
     crossings = settles = 0
     for lane in range(lanes_of(rows)):
@@ -407,41 +407,43 @@ def _on_to_scan(rows: Places, held: PhaseLimits, t: float) -> tuple[int, int]:
         left = factors(t - stretch.now, plant_of(line)).outer
         y = left_of(stretch.y, stretch.target, left if loaded_point(rows, lane).busy else line.whole)
         stored_point(rows, lane, Point(t, y, False))
-        through_it, into_it = _limits(rows, lane, stretch, t, y, held)
+        through_it, into_it = _limits(rows, lane, stretch, t, y, limits)
         crossings, settles = crossings + through_it, settles + into_it
     return crossings, settles
 
 
-def _limits(rows: Places, lane: int, stretch: LaneStretch, now: float, y: float, held: PhaseLimits) -> tuple[int, int]:
+def _limits(
+    rows: Places, lane: int, stretch: LaneStretch, now: float, y: float, limits: PhaseLimits,
+) -> tuple[int, int]:
     """Return, as 1 or 0, whether a heater comes through the setpoint, and whether into the band."""
     before, after = flow_of(stretch, stretch.now, stretch.y), flow_of(stretch, now, y)
-    return (int(through(held.setpoint, before, after)),
-            int(settling_time(loaded_seen(rows, lane), held.setpoint, held.band, after)))
+    return (int(through(limits.setpoint, before, after)),
+            int(settling_time(loaded_seen(rows, lane), limits.setpoint, limits.band, after)))
 
 
-def _along(rows: Places, held: PhaseLimits, limits: tuple[int, int]) -> None:
+def _along(rows: Places, phase_limits: PhaseLimits, limits: tuple[int, int]) -> None:
     """Measure the stretches of all loops, of which so many come through the setpoint, and into the band."""
     crossings, settles = limits
     if settles > 0:
         for lane in range(lanes_of(rows)):
-            _seen(rows, lane, held, True, True)
+            _seen(rows, lane, phase_limits, True, True)
     elif crossings > 0:
         for lane in range(lanes_of(rows)):
-            _seen(rows, lane, held, True, False)
+            _seen(rows, lane, phase_limits, True, False)
     else:
         for lane in range(lanes_of(rows)):
-            _seen(rows, lane, held, False, False)
-    if held.lasts:
+            _seen(rows, lane, phase_limits, False, False)
+    if phase_limits.lasts:
         for lane in range(lanes_of(rows)):
-            _rests(rows, lane, held.setpoint)
-    if held.resting < NEVER:
-        enter_ripple(rows, held)
+            _rests(rows, lane, phase_limits.setpoint)
+    if phase_limits.resting < NEVER:
+        enter_ripple(rows, phase_limits)
 
 
-def _seen(rows: Places, lane: int, held: PhaseLimits, crosses: bool, settles: bool) -> None:
+def _seen(rows: Places, lane: int, limits: PhaseLimits, crosses: bool, settles: bool) -> None:
     stretch, point = loaded_stretch(rows, lane), loaded_point(rows, lane)
     stored_seen(rows, lane, seen_from(
-        loaded_seen(rows, lane), held.setpoint, held.band, 0.0, plant_of(loaded_line(rows, lane)),
+        loaded_seen(rows, lane), limits.setpoint, limits.band, 0.0, plant_of(loaded_line(rows, lane)),
         flow_of(stretch, stretch.now, stretch.y), flow_of(stretch, point.now, point.y), crosses, settles))
 
 
@@ -452,12 +454,12 @@ def _rests(rows: Places, lane: int, setpoint: float) -> None:
         flow_of(stretch, point.now, point.y)))
 
 
-def enter_ripple(rows: Places, held: PhaseLimits) -> None:
+def enter_ripple(rows: Places, limits: PhaseLimits) -> None:
     """Enter where the stretches end in the PWM periods at rest, each loop in its own."""
     for lane in range(lanes_of(rows)):
-        point, i = loaded_point(rows, lane), min(held.first + lane, len(held.high) - 1)
-        error, high, low = point.y - held.setpoint, held.high[i], held.low[i]
-        number = in_period(held.resting, point.now, held.period, len(high))
+        point, i = loaded_point(rows, lane), min(limits.first + lane, len(limits.high) - 1)
+        error, high, low = point.y - limits.setpoint, limits.high[i], limits.low[i]
+        number = in_period(limits.resting, point.now, limits.period, len(high))
         high[number], low[number] = max(high[number], error), min(low[number], error)
 
 
@@ -484,7 +486,7 @@ def begin_stretch(rows: Places) -> None:
 
 
 def run_scan(
-    rows: Places, parameters: Any, sensor: Any, program: SetpointProgram, asked: Any, calls: int, cycle_start: bool,
+    rows: Places, parameters: Any, sensor: Any, program: SetpointProgram, target: Any, calls: int, cycle_start: bool,
     wrong: int,
 ) -> None:
     """Run the scan of all controllers.
@@ -494,7 +496,7 @@ def run_scan(
         parameters: what `step` takes.
         sensor: what `measure` takes.
         program: around the controllers.
-        asked: setpoint of the phase.
+        target: setpoint of the phase.
         calls: how many scans there were before this one.
         cycle_start: whether a PWM period begins.
         wrong: see `Meter`.
@@ -503,7 +505,7 @@ def run_scan(
     for lane in range(lanes_of(rows)):
         state, word = law_loaded(rows, lane)
         reading = measure(sensor, loaded_point(rows, lane).y + loaded_counts(rows, lane).noise)
-        word = asked_now(program, asked, calls == 0, due, word, reading)
+        word = asked_now(program, target, calls == 0, due, word, reading)
         state, power, _, flags = step(parameters, state, word, reading, cycle_start)
         law_stored(rows, lane, (state, word))
         u = loaded_under(rows, lane)

@@ -61,10 +61,10 @@ def rows_of(value: Any, first: int = 0) -> Rows:
     """
     stores, types = list[str](), dict[str, type]()
 
-    def place(each: Any, name: str) -> str:
-        kind = next((kind for kind in _LOAD if isinstance(each, kind)), None)
+    def place(entry: Any, name: str) -> str:
+        kind = next((kind for kind in _LOAD if isinstance(entry, kind)), None)
         if kind is None:
-            raise TypeError(f"{name} is of type {type(each).__name__}, which has no row")
+            raise TypeError(f"{name} is of type {type(entry).__name__}, which has no row")
         there = f"rows[{(first + len(stores)) * LANES} + lane]"
         stores.append(f"{there} = {_STORE.get(kind, '{0}').format(name)}")
         return _LOAD[kind].format(there)
@@ -83,21 +83,21 @@ def constant_function(value: Any) -> Callable[[Any], Any]:
     """
     types = dict[str, type]()
 
-    def field(each: Any, name: str) -> str:
-        infinite = isinstance(each, float | np.float32) and math.isinf(each)
-        sign = "PLUS" if infinite and each > 0.0 else "MINUS"
-        constant = f"np.float32({sign})" if isinstance(each, np.float32) else sign
+    def field(entry: Any, name: str) -> str:
+        infinite = isinstance(entry, float | np.float32) and math.isinf(entry)
+        sign = "PLUS" if infinite and entry > 0.0 else "MINUS"
+        constant = f"np.float32({sign})" if isinstance(entry, np.float32) else sign
         return constant if infinite else name
 
     text = f"def given(value):\n    return {_rebuilt(value, 'value', types, field)}\n"
     return cast("Callable[[Any], Any]", _made(text, ("given",), tuple(types.items()))[0])
 
 
-def _rebuilt(value: Any, name: str, types: dict[str, type], each: Callable[[Any, str], str]) -> str:
-    """Return the text that makes a tuple anew of what `each` makes of its numbers and their names."""
+def _rebuilt(value: Any, name: str, types: dict[str, type], convert: Callable[[Any, str], str]) -> str:
+    """Return the text that makes a tuple anew of what `convert` makes of its numbers and their names."""
     if not isinstance(value, tuple):
-        return each(value, name)
-    inside = "".join(f"{_rebuilt(part, field, types, each)}, "
+        return convert(value, name)
+    inside = "".join(f"{_rebuilt(part, field, types, convert)}, "
                      for part, field in zip(value, _fields(value, name), strict=True))
     if not hasattr(value, "_fields"):
         return f"({inside})"

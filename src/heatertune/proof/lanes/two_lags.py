@@ -67,26 +67,26 @@ from heatertune.proof.plant import (
 __all__ = ["quickly"]
 
 
-def quickly(rows: Places, ring: Ring, window: EdgeWindow, held: PhaseLimits, t: float) -> None:
+def quickly(rows: Places, ring: Ring, window: EdgeWindow, limits: PhaseLimits, t: float) -> None:
     """Bring all heaters to a scan before which nothing happens but edges.
 
     Args:
         rows: places.
         ring: of the PWM periods.
         window: those of which edges may be felt.
-        held: what they are held against.
+        limits: what they are held against.
         t: instant of the scan [s].
     """
     quiet = True
     due = due_until(rows, t)
     while due > 0:
         quiet = False
-        _along(rows, held, _to_edges(rows, t))
+        _along(rows, limits, _to_edges(rows, t))
         switches(rows, t)
         _settled(rows)
         next_edges(rows, ring, window)
         due = due_until(rows, t)
-    _along(rows, held, _to_scan(rows, t) if quiet else _on_to_scan(rows, t))
+    _along(rows, limits, _to_scan(rows, t) if quiet else _on_to_scan(rows, t))
     begin_stretch(rows)
     _settled(rows)
 
@@ -155,13 +155,13 @@ def _settled(rows: Places) -> None:
         stored_inner(rows, lane, Inner(x, x))
 
 
-def _along(rows: Places, held: PhaseLimits, turns: int) -> None:
+def _along(rows: Places, limits: PhaseLimits, turns: int) -> None:
     """Measure the stretches of all loops, up to the turn and from it on where there is one."""
     if turns > 0:
         _to_turns(rows)
-        _measured(rows, held)
+        _measured(rows, limits)
         _from_turns(rows)
-    _measured(rows, held)
+    _measured(rows, limits)
 
 
 def _to_turns(rows: Places) -> None:
@@ -187,33 +187,33 @@ def _from_turns(rows: Places) -> None:
         stored_point(rows, lane, Point(end.now, end.y, point.busy))
 
 
-def _measured(rows: Places, held: PhaseLimits) -> None:
+def _measured(rows: Places, limits: PhaseLimits) -> None:
     """Measure stretches on which no heater turns."""
     crossings = settles = 0
     for lane in range(lanes_of(rows)):
         after = _after(rows, lane)
-        crossings += int(through(held.setpoint, _before(rows, lane), after))
-        settles += int(settling_time(loaded_seen(rows, lane), held.setpoint, held.band, after))
+        crossings += int(through(limits.setpoint, _before(rows, lane), after))
+        settles += int(settling_time(loaded_seen(rows, lane), limits.setpoint, limits.band, after))
     if settles > 0:
         for lane in range(lanes_of(rows)):
-            _seen(rows, lane, held, True)
+            _seen(rows, lane, limits, True)
     elif crossings > 0:
-        _searched(rows, held.setpoint)
+        _searched(rows, limits.setpoint)
         for lane in range(lanes_of(rows)):
-            _split(rows, lane, held.setpoint, held.band)
+            _split(rows, lane, limits.setpoint, limits.band)
     else:
         for lane in range(lanes_of(rows)):
-            _seen(rows, lane, held, False)
-    if held.lasts:
+            _seen(rows, lane, limits, False)
+    if limits.lasts:
         for lane in range(lanes_of(rows)):
-            _rests(rows, lane, held.setpoint)
-    if held.resting < NEVER:
-        enter_ripple(rows, held)
+            _rests(rows, lane, limits.setpoint)
+    if limits.resting < NEVER:
+        enter_ripple(rows, limits)
 
 
-def _seen(rows: Places, lane: int, held: PhaseLimits, crosses: bool) -> None:
+def _seen(rows: Places, lane: int, limits: PhaseLimits, crosses: bool) -> None:
     stored_seen(rows, lane, seen_from(
-        loaded_seen(rows, lane), held.setpoint, held.band, 0.0, _plant(rows, lane), _before(rows, lane),
+        loaded_seen(rows, lane), limits.setpoint, limits.band, 0.0, _plant(rows, lane), _before(rows, lane),
         _after(rows, lane), crosses, crosses))
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any, Final
 
 from heatertune.errors import InputError
-from heatertune.model.values import FittedModel
+from heatertune.model.model_values import FittedModel
 from heatertune.options import merge_options
 from heatertune.pid.search.robust import spreads_of
 from heatertune.plc import Words, controller_for

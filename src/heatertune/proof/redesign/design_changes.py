@@ -10,8 +10,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Final, NamedTuple
 
-from heatertune.model.values import HeaterModel
-from heatertune.pid.values import PidDesign
+from heatertune.model.model_values import HeaterModel
+from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Words, controller_for
 from heatertune.plc.pwm import HALF_WAVE_S, in_ticks
 from heatertune.proof.design_request import DesignRequest, DesignResult
@@ -40,47 +40,47 @@ _BRIEFLY: Final = {"reheat": "reheat overshoot after a short open circuit",
                    "restart": "restart overshoot while the heater is warm"}
 
 
-def gains_told(first: PidDesign, other: PidDesign) -> str:
+def gains_told(first: PidDesign, design: PidDesign) -> str:
     """Return by what factors gains were changed, empty where they were not."""
-    factors = [other.gain_pct_per_degC / first.gain_pct_per_degC, other.integral_time_s / first.integral_time_s]
+    factors = [design.gain_pct_per_degC / first.gain_pct_per_degC, design.integral_time_s / first.integral_time_s]
     return " and ".join(f"{name} times {factor:.{3 if abs(factor - 1.0) < _NEAR else 2}g}"
                         for name, factor in zip(("K", "TN"), factors, strict=True) if abs(factor - 1.0) >= _SAME)
 
 
-def change_sentence(first: DesignResult, found: DesignResult, what: str) -> str:
+def change_sentence(first: DesignResult, result: DesignResult, what: str) -> str:
     """Return the sentence of a change that passes: what failed, what was changed, and its price."""
-    price = costs(first, found)
+    price = costs(first, result)
     why = f"fails ({broken(first)})" if broken(first) else "winds up"
     return f"The requested optimum {why}; with {what} every limit is kept; {price}."
 
 
-def more_iae(first: DesignResult, found: DesignResult) -> float:
+def more_iae(first: DesignResult, result: DesignResult) -> float:
     """Return how much more a load disturbance costs, as a share of what it did; 0 where that is not known."""
-    before, after = first.choice.search.realised.iae_load, found.choice.search.realised.iae_load
+    before, after = first.choice.search.realised.iae_load, result.choice.search.realised.iae_load
     return 0.0 if before is None or after is None else after / before - 1.0
 
 
-def costs(first: DesignResult, found: DesignResult) -> str:
+def costs(first: DesignResult, result: DesignResult) -> str:
     """Return what another design costs beside the first, for a reader."""
-    return ", ".join(_costs(first, found))
+    return ", ".join(_costs(first, result))
 
 
-def _costs(first: DesignResult, found: DesignResult) -> Iterator[str]:
+def _costs(first: DesignResult, result: DesignResult) -> Iterator[str]:
     """Return what a change costs: load disturbances, heat-up, wear of the switch."""
-    more = 100.0 * more_iae(first, found)
+    more = 100.0 * more_iae(first, result)
     yield f"the IAE of a load disturbance rises by {more:.2g} %" if more > _NOTHING_PCT else "the IAE does not change"
     for name, unit in (("settling_time", "s"), ("switchings", "1/h")):
         old, new = (next(each.value for each in closed_.proof.criteria if each.name == name)
-                    for closed_ in (first, found))
+                    for closed_ in (first, result))
         if abs(new - old) > _NOTICED * old:
             yield f"the worst {name.replace('_', ' ')} changes from {written(old, 3)} to {written(new, 3)} {unit}"
 
 
-def broken(found: DesignResult) -> str:
+def broken(result: DesignResult) -> str:
     """Return the criteria that a design breaks, in the story or in other lengths of its parts, for a reader."""
-    if names := briefly(found.proof.diagnostics):
+    if names := briefly(result.proof.diagnostics):
         return ", ".join(told for part, told in _BRIEFLY.items() if any(each.startswith(part) for each in names))
-    return ", ".join(found.proof.broken_criteria).replace("_", " ")
+    return ", ".join(result.proof.broken_criteria).replace("_", " ")
 
 
 #: PWM periods that a solid-state relay takes well and a contactor does not [s]
@@ -147,10 +147,10 @@ class DesignChange:
     has_boost: bool = False
     has_ramp: bool = False
 
-    def with_(self, other: DesignChange) -> DesignChange:
+    def with_(self, change: DesignChange) -> DesignChange:
         """Return the changes of both; of the other where both change the same."""
-        changes = {one.name: value for one in fields(other) if (value := getattr(other, one.name))}
-        own = replace(self, pwm_about_s=None, pwm_period_s=None) if other.bursts_s else self
+        changes = {one.name: value for one in fields(change) if (value := getattr(change, one.name))}
+        own = replace(self, pwm_about_s=None, pwm_period_s=None) if change.bursts_s else self
         return replace(own, **changes)
 
     def without_one(self) -> list[DesignChange]:

@@ -8,7 +8,7 @@ from typing import Final
 
 from heatertune.errors import HeatertuneError, InputError
 from heatertune.model.loss_curve import for_setpoints
-from heatertune.model.values import Candidate, FittedModel, HeaterModel
+from heatertune.model.model_values import Candidate, FittedModel, HeaterModel
 from heatertune.processors import ProgressCallback
 from heatertune.proof.design_request import DesignRequest, DesignResult
 from heatertune.proof.monte_carlo.quantiles import SampleProof
@@ -138,38 +138,38 @@ def _with_way_on(first: DesignResult, fitted: FittedModel, request: DesignReques
     return first
 
 
-def _heard(found: DesignResult, fitted: FittedModel, drawn: SampleSettings) -> DesignResult:
-    return replace(found, proof=with_samples(found.proof, fitted, drawn, found.conditions))
+def _heard(result: DesignResult, fitted: FittedModel, drawn: SampleSettings) -> DesignResult:
+    return replace(result, proof=with_samples(result.proof, fitted, drawn, result.conditions))
 
 
-def _drawn(found: DesignResult) -> SampleProof:
+def _drawn(result: DesignResult) -> SampleProof:
     """Return what the samples showed.
 
     Raises:
         InputError: there are none.
     """
-    if found.proof.samples is None:
+    if result.proof.samples is None:
         raise InputError("samples: none")
-    return found.proof.samples
+    return result.proof.samples
 
 
-def _hopeless(found: DesignResult) -> bool:
+def _hopeless(result: DesignResult) -> bool:
     """Return whether no design would pass: samples so few show nothing, or one in twenty lacks the power."""
-    drawn = _drawn(found)
+    drawn = _drawn(result)
     reserve = next(spot.p95 for spot in drawn.criteria if spot.name == "power_reserve")
     return reserve <= 0.0 or verdict_of_samples(drawn.count, drawn.quantile, [drawn.count]) != "PASS"
 
 
-def _changed(first: DesignResult, found: DesignResult, more: int) -> DesignResult:
+def _changed(first: DesignResult, result: DesignResult, more: int) -> DesignResult:
     """Return a design that was made for more heaters; it says so, and what that costs."""
-    before, now = (samples_told(_drawn(each).to_document()) for each in (first, found))
+    before, now = (samples_told(_drawn(each).to_document()) for each in (first, result))
     what = f"designed for {more} of them as well"
-    if found.proof.design and first.proof.design and (gains := gains_told(first.ideal, found.ideal)):
+    if result.proof.design and first.proof.design and (gains := gains_told(first.ideal, result.ideal)):
         what = f"with {gains}, {what}"
-    note = f"As requested, {before}; {what}, of as many new ones, {now}; {costs(first, found)}."
-    return replace(_remarked(found, what.replace("them", "the drawn heaters")), notes=(note, *found.notes))
+    note = f"As requested, {before}; {what}, of as many new ones, {now}; {costs(first, result)}."
+    return replace(_remarked(result, what.replace("them", "the drawn heaters")), notes=(note, *result.notes))
 
 
-def _remarked(found: DesignResult, remark: str) -> DesignResult:
-    heard = found.proof.diagnostics
-    return replace(found, proof=replace(found.proof, diagnostics=replace(heard, remarks=(*heard.remarks, remark))))
+def _remarked(result: DesignResult, remark: str) -> DesignResult:
+    heard = result.proof.diagnostics
+    return replace(result, proof=replace(result.proof, diagnostics=replace(heard, remarks=(*heard.remarks, remark))))

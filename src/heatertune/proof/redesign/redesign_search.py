@@ -16,10 +16,10 @@ from typing import Final
 from heatertune.errors import HeatertuneError, InputError
 from heatertune.model.cooler_mirror import cools, mirror_heater
 from heatertune.model.loss_curve import for_setpoints
-from heatertune.model.values import FittedModel
+from heatertune.model.model_values import FittedModel
+from heatertune.pid.design_values import PidDesign
 from heatertune.pid.search.feasible import Problem, keeps, largest_gain, search
 from heatertune.pid.tune import assessed_sampled
-from heatertune.pid.values import PidDesign
 from heatertune.plc import Boost, Scaling, Words, controller_for
 from heatertune.plc.controller import with_cooling
 from heatertune.plc.design import encode, loop_fit
@@ -76,7 +76,7 @@ def boosts(words: Words, screen: RunScreen, conditions: Conditions) -> Iterator[
     for shares in _SHARES:
         settled = [(settles, boost.within_degC, boost) for boost in _tried(words, conditions, shares)
                    if (settles := screen.settles(words.with_boost(boost), conditions)) is not None]
-        yield from (boost for *_, boost in sorted(settled, key=lambda each: each[:2]))
+        yield from (boost for *_, boost in sorted(settled, key=lambda entry: entry[:2]))
 
 
 def _tried(words: Words, conditions: Conditions, shares: Sequence[float]) -> Iterator[Boost]:
@@ -114,10 +114,10 @@ class GainPoint:
     ms: float
     factor: float
 
-    def towards(self, other: GainPoint, share: float) -> GainPoint:
+    def towards(self, point: GainPoint, share: float) -> GainPoint:
         """Return the place a share of the way to another one."""
-        return GainPoint(ms=self.ms + share * (other.ms - self.ms),
-                     factor=self.factor * (other.factor / self.factor) ** share)
+        return GainPoint(ms=self.ms + share * (point.ms - self.ms),
+                     factor=self.factor * (point.factor / self.factor) ** share)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -138,12 +138,12 @@ class GainFamily:
     @classmethod
     @lru_cache(maxsize=16)  # many changes that a search tries have the same gains
     def of(
-        cls, wished: PidDesign, fitted: FittedModel, tuned: TuneSettings, target: str, scaling: Scaling
+        cls, ideal: PidDesign, fitted: FittedModel, tuned: TuneSettings, target: str, scaling: Scaling
     ) -> GainFamily:
         """Return the family of a design that is an optimum; of another one, where TA, Ms or parts are asked otherwise.
 
         Args:
-            wished: the design.
+            ideal: the design.
             fitted: the heater and its candidates.
             tuned: how it was found.
             target: the controller.
@@ -155,15 +155,15 @@ class GainFamily:
         its, cooler = controller_for(target), cools(fitted)
         fitted = loop_fit(fitted, target, scaling)
         if cooler:
-            fitted, wished = mirror_heater(fitted), _turned(wished)
+            fitted, ideal = mirror_heater(fitted), _turned(ideal)
         problem = Problem(
             plants=fitted.plants, structure=tuned.structure, ms=tuned.ms, mt=tuned.mt, mks=tuned.mks,
-            sample_time_s=tuned.sample_time_s or wished.sample_time_s, derivative_filter=wished.derivative_filter,
-            objective=tuned.objective, weight=tuned.weight, step_power=wished.step_power_limit_pct_per_degC)
+            sample_time_s=tuned.sample_time_s or ideal.sample_time_s, derivative_filter=ideal.derivative_filter,
+            objective=tuned.objective, weight=tuned.weight, step_power=ideal.step_power_limit_pct_per_degC)
         if its.most_gain is not None:
             problem = replace(problem, most_gain=partial(its.most_gain, scaling))
-        same = (wished.structure, wished.sample_time_s) == (problem.structure, problem.sample_time_s)
-        optimum = wished if same and keeps(problem, wished) else search(problem)
+        same = (ideal.structure, ideal.sample_time_s) == (problem.structure, problem.sample_time_s)
+        optimum = ideal if same and keeps(problem, ideal) else search(problem)
         return cls(problem=problem, optimum=optimum, cooler=cooler)
 
     @property
@@ -476,13 +476,13 @@ class RedesignSearch:
             return None
         return self._ended(wound_up[0] if self.verdict_only else self.way_on.unwound(wound_up))
 
-    def _ended(self, found: DesignResult) -> DesignResult:
+    def _ended(self, result: DesignResult) -> DesignResult:
         """Return a design that says that the search ended early, where it did."""
         if not self.budget.spent:
-            return found
-        told, heard = f"{self.budget.message}; this is the best so far", found.proof.diagnostics
-        return replace(found, notes=(*found.notes, f"{told[0].upper()}{told[1:]}."),
-                       proof=replace(found.proof, diagnostics=replace(heard, remarks=(*heard.remarks, told))))
+            return result
+        told, heard = f"{self.budget.message}; this is the best so far", result.proof.diagnostics
+        return replace(result, notes=(*result.notes, f"{told[0].upper()}{told[1:]}."),
+                       proof=replace(result.proof, diagnostics=replace(heard, remarks=(*heard.remarks, told))))
 
     def _mended(self) -> Iterator[DesignResult]:
         """Yield what keeps every limit of each frame, and does not wind up."""
@@ -663,20 +663,20 @@ class RedesignSearch:
         """Return what is asked for within a frame."""
         return frame.apply_to(self.request, self.first, self.tick_s)
 
-    def try_design(self, frame: DesignChange, made: Candidate) -> DesignResult | None:
+    def try_design(self, frame: DesignChange, trial: Candidate) -> DesignResult | None:
         """Return a design with its price where it passes, with the first boost that does where the frame has one."""
         found: Iterable[Boost | None] = (
-            boosts(made[1].words, self.screen, self.request_within(frame).conditions) if frame.has_boost else [None])
-        tried = (self.prove_design(frame, made, boost) for boost in found)
+            boosts(trial[1].words, self.screen, self.request_within(frame).conditions) if frame.has_boost else [None])
+        tried = (self.prove_design(frame, trial, boost) for boost in found)
         return next((mended for mended in tried if mended is not None), None)
 
-    def prove_design(self, frame: DesignChange, made: Candidate, boost: Boost | None = None) -> DesignResult | None:
+    def prove_design(self, frame: DesignChange, trial: Candidate, boost: Boost | None = None) -> DesignResult | None:
         """Return a design with its price where it passes; else the runs that it fails are watched."""
-        asked, by = self.request_within(frame), made[1]
-        made = made[0], replace(by, words=by.words.with_boost(boost))
+        asked, by = self.request_within(frame), trial[1]
+        trial = trial[0], replace(by, words=by.words.with_boost(boost))
         plain = self.first.proof if asked.conditions == self.first.conditions else None
         try:
-            tried = plainly(self.fitted_model, asked, made=made, plain=plain, text=False, progress=self.progress)
+            tried = plainly(self.fitted_model, asked, candidate=trial, plain=plain, text=False, progress=self.progress)
         except HeatertuneError as problem:
             self.way_on.left_out(self.summary(frame), problem)
             return None
@@ -684,7 +684,7 @@ class RedesignSearch:
             self.watch_failed_runs(tried.proof)
             return None
         held = "" if (hold := tried.proof.hold_degC) is None else f"a holdback of {hold:.3g} °C"
-        gains = gains_told(self.first.ideal, made[0]) if tried.proof.design else ""
+        gains = gains_told(self.first.ideal, trial[0]) if tried.proof.design else ""
         what = " and ".join(filter(None, (gains, self.summary(frame), held))) + ("" if boost is None else f" ({boost})")
         heard = tried.proof.diagnostics
         proof = replace(tried.proof, diagnostics=replace(heard, remarks=(*heard.remarks, f"with {what}")))

@@ -12,7 +12,7 @@ from typing import Final
 from heatertune.errors import HeatertuneError, NotRepresentable
 from heatertune.model.cooler_mirror import cools
 from heatertune.model.findings import KINDS
-from heatertune.model.values import FittedModel
+from heatertune.model.model_values import FittedModel
 from heatertune.plc import controller_for
 from heatertune.plc.targets import REPAIRED
 from heatertune.processors import ProgressCallback
@@ -90,9 +90,9 @@ def passes_told(options: Sequence[str], changes: str = "") -> str:
     return f"would pass with {' '.join(options)}{changes}: find out what this controller does"
 
 
-def passing_told(other: DesignResult, options: Sequence[str]) -> str:
+def passing_told(result: DesignResult, options: Sequence[str]) -> str:
     """Return what is told of a design that passes with options of known settings."""
-    return passes_told(options, f", {other.proof.diagnostics.remarks[-1]}" if other.notes else "")
+    return passes_told(options, f", {result.proof.diagnostics.remarks[-1]}" if result.notes else "")
 
 
 @dataclass(slots=True, kw_only=True)
@@ -203,23 +203,23 @@ class Suggestion:
         blocks = {view.name for view in proof.diagnostics.views if view.effect == "blocks" and not view.accepted}
         return proof.verdict != "FAIL" and blocks <= known
 
-    def by_settings(self, found: DesignResult | None = None) -> tuple[str, tuple[str, ...]]:
+    def by_settings(self, result: DesignResult | None = None) -> tuple[str, tuple[str, ...]]:
         """Return what is told where one setting of an open point would do, and its options; nothing where none does.
 
         Args:
-            found: the design that fails or winds up; None: the plain one.
+            result: the design that fails or winds up; None: the plain one.
         """
-        if (known := self.with_settings(found or self.first)) is None:
+        if (known := self.with_settings(result or self.first)) is None:
             return "", ()
         return passing_told(*known), known[1]
 
-    def with_settings(self, found: DesignResult) -> tuple[DesignResult, tuple[str, ...]] | None:
+    def with_settings(self, result: DesignResult) -> tuple[DesignResult, tuple[str, ...]] | None:
         """Return the design that passes where one setting of an open point is known, and its options; None: none does.
 
         Args:
-            found: the design that fails or winds up.
+            result: the design that fails or winds up.
         """
-        proof = found.proof
+        proof = result.proof
         settings = {name: kept[0] for name, kept in passing_settings(proof).items()}
         settings = dict(list(settings.items())[:1]) or (
             suspects(proof, _settings_that_wind_up(proof)) if self._coarse()[0] < _HOPELESS else {})
@@ -230,32 +230,32 @@ class Suggestion:
         other = self.close(self.fitted_model, asked, progress=self.progress)
         return None if other.proof.verdict == "FAIL" or winds_up(other.proof.diagnostics) else (other, options)
 
-    def _by_range(self, found: DesignResult) -> tuple[str, ...]:
+    def _by_range(self, result: DesignResult) -> tuple[str, ...]:
         """Return the option of a smaller range of use, where its lower end is all that a design fails at; else none."""
         if cools(self.fitted_model):
             return ()
-        scenario = found.proof.scenario
+        scenario = result.proof.scenario
         lowest = min((event.setpoint_degC for event in scenario.disturbances if isinstance(event, NewSetpoint)),
                      default=scenario.setpoint_degC)
         top = float(f"{scenario.setpoint_degC:.4g}")
         lower = [float(f"{top - share * (top - lowest):.4g}") for share in _OF_RANGE]
-        return self._by_setpoints(found, [(low, top) for low in lower if low < top])
+        return self._by_setpoints(result, [(low, top) for low in lower if low < top])
 
-    def _by_upper_end(self, found: DesignResult) -> tuple[str, ...]:
+    def _by_upper_end(self, result: DesignResult) -> tuple[str, ...]:
         """Return likewise the option of one setpoint, that of a stated range which takes most power."""
-        scenario = found.proof.scenario
+        scenario = result.proof.scenario
         return () if scenario.setpoint_low_degC is None else self._by_setpoints(
-            found, [float(f"{scenario.setpoint_degC:.4g}")])
+            result, [float(f"{scenario.setpoint_degC:.4g}")])
 
     def _by_setpoints(
-        self, found: DesignResult, setpoints_degC: Sequence[float | tuple[float, float]]
+        self, result: DesignResult, setpoints_degC: Sequence[float | tuple[float, float]]
     ) -> tuple[str, ...]:
-        proof, asked = found.proof, self.request
+        proof, asked = result.proof, self.request
         if not wound(proof.diagnostics) <= OF_RANGE or asked.conditions.profile is not None:
             return ()
         screen = RunScreen(fitted_model=self.fitted_model).with_nights([proof])
         for ends in setpoints_degC:
-            if screen.wound(proof.words, replace(found.conditions, setpoint_degC=ends)):
+            if screen.wound(proof.words, replace(result.conditions, setpoint_degC=ends)):
                 continue
             option = "--setpoint", f"{ends[0]:g} {ends[1]:g}" if isinstance(ends, tuple) else f"{ends:g}"
             self.progress(f"it winds up: trying {' '.join(option)}")
@@ -268,17 +268,17 @@ class Suggestion:
                 return option
         return ()
 
-    def _by_overshoot(self, found: DesignResult) -> tuple[str, ...]:
+    def _by_overshoot(self, result: DesignResult) -> tuple[str, ...]:
         """Return the options that allow what a design overshoots by in other lengths of the story's parts.
 
         None where more than that was found, and where no design passes with them.
         """
-        proof = found.proof
+        proof = result.proof
         if not briefly(proof.diagnostics):
             return ()
-        over = RunScreen(fitted_model=self.fitted_model).with_nights([proof]).wound(proof.words, found.conditions)
+        over = RunScreen(fitted_model=self.fitted_model).with_nights([proof]).wound(proof.words, result.conditions)
         looser = limits_above(over)
-        if not looser or not within_reach(looser, proof, self.fitted_model, found.conditions):
+        if not looser or not within_reach(looser, proof, self.fitted_model, result.conditions):
             return ()
         asked = replace(self.request, conditions=loosen_conditions(self.request.conditions, looser))
         options = options_of(looser)

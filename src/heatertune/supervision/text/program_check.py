@@ -17,7 +17,7 @@ from heatertune.plc.s7_200_pid.words import FULL
 from heatertune.supervision.faulty_loops import Card, Ran
 from heatertune.supervision.monitor import ALARMS, STATE, Numbers, alarms
 from heatertune.supervision.text import one_bit, s5, s7_200, s7_300, structured
-from heatertune.supervision.text.statements import Statements, check_reach, statements_of
+from heatertune.supervision.text.monitor_statements import Statements, check_reach, statements_of
 
 __all__ = ["LoadedText", "MonitorProgram", "export_monitor"]
 

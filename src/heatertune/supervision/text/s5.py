@@ -11,7 +11,7 @@ from heatertune.plc.print.statements import Set
 from heatertune.plc.print.stl import S5Printer
 from heatertune.plc.s5_ob251.blocks import WORK
 from heatertune.plc.s5_ob251.step import FULL_SCALE
-from heatertune.supervision.text.statements import INPUTS, OUTPUTS, WIDE, Statements, alarms_told
+from heatertune.supervision.text.monitor_statements import INPUTS, OUTPUTS, WIDE, Statements, alarms_told
 
 __all__ = ["FILE", "S5Text", "written"]
 
@@ -29,18 +29,18 @@ _MOST_WORDS: Final = 256
 
 
 class _S5MonitorPrinter(S5Printer):
-    def assign(self, made: Set) -> Iterator[tuple[str, ...]] | None:
-        return self._wide(made) if made.cell == WIDE else None
+    def assign(self, assignment: Set) -> Iterator[tuple[str, ...]] | None:
+        return self._wide(assignment) if assignment.cell == WIDE else None
 
-    def _wide(self, made: Set) -> Iterator[tuple[str, ...]]:
-        rest = [term for term in made.terms if isinstance(term.what, int)]
+    def _wide(self, assignment: Set) -> Iterator[tuple[str, ...]]:
+        rest = [term for term in assignment.terms if isinstance(term.what, int)]
         value = sum(term.sign * int(term.what) for term in rest) & 0xFFFFFFFF
         high = self.at[WIDE]
-        yield "L", f"KH {value >> 16:04X}", made.text.upper()
+        yield "L", f"KH {value >> 16:04X}", assignment.text.upper()
         yield "T", f"DW {high}"
         yield "L", f"KH {value & 0xFFFF:04X}"
         yield "T", f"DW {high + 1}"
-        for term in made.terms:
+        for term in assignment.terms:
             if term in rest:
                 continue
             factor = term.sign * term.factor

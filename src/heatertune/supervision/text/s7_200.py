@@ -11,9 +11,9 @@ from heatertune.plc.cpu.s7_200 import assemble
 from heatertune.plc.cpu.s7_200.assembler import Network, block, block_number, program
 from heatertune.plc.cpu.s7_200.cpu import carry_out
 from heatertune.plc.cpu.s7_200.memory import V_BEGIN, V_END, WHOLE, bit, cell, put_word, word
-from heatertune.plc.cpu.statements import in_ascii
+from heatertune.plc.cpu.statement_translation import in_ascii
 from heatertune.plc.print.stl import ALWAYS, networks
-from heatertune.supervision.text.statements import INPUTS, OUTPUTS, WIDE, Statements, alarms_told
+from heatertune.supervision.text.monitor_statements import INPUTS, OUTPUTS, WIDE, Statements, alarms_told
 
 __all__ = ["FILE", "S7200Text", "reading_of", "written"]
 

@@ -11,7 +11,7 @@ from heatertune.plc.cpu.s7_300.machine import FULL_SCALE, S7300Cpu
 from heatertune.plc.print.statements import Set
 from heatertune.plc.print.stl import S7300Printer
 from heatertune.plc.single_precision import word_of
-from heatertune.supervision.text.statements import INPUTS, OUTPUTS, WIDE, Statements, alarms_told
+from heatertune.supervision.text.monitor_statements import INPUTS, OUTPUTS, WIDE, Statements, alarms_told
 
 __all__ = ["FILE", "S7300Text", "written"]
 
@@ -38,12 +38,12 @@ _PERCENT_OF_REAL: Final = f"""\
 
 
 class _S7300MonitorPrinter(S7300Printer):
-    def assign(self, made: Set) -> Iterator[tuple[str, ...]] | None:
-        return self._wide(made) if made.cell == WIDE else None
+    def assign(self, assignment: Set) -> Iterator[tuple[str, ...]] | None:
+        return self._wide(assignment) if assignment.cell == WIDE else None
 
-    def _wide(self, made: Set) -> Iterator[tuple[str, ...]]:
-        cell, text = self.operand(made.cell), made.text.upper()
-        for place, term in enumerate(made.terms):
+    def _wide(self, assignment: Set) -> Iterator[tuple[str, ...]]:
+        cell, text = self.operand(assignment.cell), assignment.text.upper()
+        for place, term in enumerate(assignment.terms):
             yield "L", self.operand(term.what), text
             text = ""
             if term.factor != 1:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Final
 
 from heatertune.plc.cpu.iec.machine import TextProgram
-from heatertune.plc.cpu.iec.text import units
+from heatertune.plc.cpu.iec.st_syntax import units
 from heatertune.plc.print.statements import Group
 from heatertune.plc.single_precision import single
-from heatertune.plc.st.program import BlockSource, comment, function_block, literal
-from heatertune.supervision.text.statements import INPUTS, OUTPUTS, Statements, alarms_told
+from heatertune.plc.st.program_text import BlockSource, comment, function_block, literal
+from heatertune.supervision.text.monitor_statements import INPUTS, OUTPUTS, Statements, alarms_told
 
 __all__ = ["FILE", "StructuredText", "written"]
 

@@ -23,7 +23,7 @@ import numpy.typing as npt
 from heatertune.compiled import bound, compile_function, worth_compiling
 from heatertune.compiled.generated import BEYOND, functions_from_text
 from heatertune.errors import InputError
-from heatertune.plc.cpu.iec.text import (
+from heatertune.plc.cpu.iec.st_syntax import (
     Assignment,
     Call,
     Expression,
@@ -99,8 +99,8 @@ def run_tape(
     return {name: got[row][k].astype((np.float64, np.int64)[row]) for row in (0, 1) for k, name in enumerate(read[row])}
 
 
-def _rows(given: Mapping[str, npt.NDArray[Any]], scans: int, kind: type) -> npt.NDArray[Any]:
-    return np.array(list(given.values()), dtype=kind).reshape(len(given), scans)
+def _rows(inputs: Mapping[str, npt.NDArray[Any]], scans: int, kind: type) -> npt.NDArray[Any]:
+    return np.array(list(inputs.values()), dtype=kind).reshape(len(inputs), scans)
 
 
 def _places(names: Sequence[str] | Mapping[str, Any], place: Mapping[str, tuple[int, int]]) -> npt.NDArray[np.int64]:
@@ -160,10 +160,10 @@ class InstanceMemory(NamedTuple):
         """How much stands in each row."""
         return len(self.reals), len(self.wholes), len(self.firmware)
 
-    def grown(self, other: InstanceMemory) -> tuple[int, int, int]:
+    def grown(self, memory: InstanceMemory) -> tuple[int, int, int]:
         """Add another's rows; return where they begin."""
         begin = self.size
-        for mine, more in zip(self, other, strict=True):
+        for mine, more in zip(self, memory, strict=True):
             mine.extend(more)
         return begin
 
@@ -207,23 +207,23 @@ def _function(name: str, source: str, called: tuple[tuple[str, Callable[..., Any
 
 
 def translate_unit(
-    unit: ProgramUnit, known: Mapping[str, InstanceLayout], time_to_real: Callable[[int], float] | None
+    unit: ProgramUnit, layouts: Mapping[str, InstanceLayout], time_to_real: Callable[[int], float] | None
 ) -> InstanceLayout:
     """Return a unit translated, given the blocks it may use and what TIME_TO_REAL gives of a time [ms].
 
     Raises:
         InputError: what is not known here.
     """
-    return _Compiler(unit, known, time_to_real).block()
+    return _Compiler(unit, layouts, time_to_real).block()
 
 
 class _Compiler:
     """Translates one unit: its statements become a Python function."""
 
     def __init__(
-        self, unit: ProgramUnit, known: Mapping[str, InstanceLayout], time_to_real: Callable[[int], float] | None
+        self, unit: ProgramUnit, layouts: Mapping[str, InstanceLayout], time_to_real: Callable[[int], float] | None
     ) -> None:
-        self._unit, self._known, self._time_to_real = unit, known, time_to_real
+        self._unit, self._known, self._time_to_real = unit, layouts, time_to_real
         self._cold = InstanceMemory([], [], [])
         self._places: dict[str, Place] = {}
         self._constant = {each.name for each in unit.variables if each.section.endswith("CONSTANT")}
@@ -253,12 +253,12 @@ class _Compiler:
         where = self._unit.line_text(self._line) if self._line else self._unit.name
         return InputError(f"{where}; {what}")
 
-    def _initial(self, given: Literal, type_: str) -> Value:
-        if given.kind != KIND[type_]:
-            raise self._wrong(f"{given.value} is no {type_}")
-        if given.kind == "REAL":
-            return single(given.value)
-        return _cut(int(given.value), *_WHOLE[type_]) if type_ in _WHOLE else given.value
+    def _initial(self, literal: Literal, type_: str) -> Value:
+        if literal.kind != KIND[type_]:
+            raise self._wrong(f"{literal.value} is no {type_}")
+        if literal.kind == "REAL":
+            return single(literal.value)
+        return _cut(int(literal.value), *_WHOLE[type_]) if type_ in _WHOLE else literal.value
 
     def _body(self) -> tuple[Run, dict[CodeType, tuple[ProgramUnit, list[int]]]]:
         """Return what runs the unit's statements, and the lines of its text."""

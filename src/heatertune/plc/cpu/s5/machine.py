@@ -12,7 +12,7 @@ from functools import partial
 from typing import Final
 
 from heatertune.errors import InputError
-from heatertune.plc.cpu.statements import Accumulators, Run, StatementLine, Translation
+from heatertune.plc.cpu.statement_translation import Accumulators, Run, StatementLine, Translation
 
 __all__ = ["S5Cpu"]
 
@@ -116,9 +116,9 @@ class _Translated(Translation):
     keep = "cpu.one, cpu.two, cpu.true, cpu.open = one, two, true, dw"
     take = "one, two, true, dw = cpu.one, cpu.two, cpu.true, cpu.open"
 
-    def __init__(self, lines: list[StatementLine], known: set[str], cpu: S5Cpu, code: Mapping[str, Run]) -> None:
+    def __init__(self, lines: list[StatementLine], names: set[str], cpu: S5Cpu, code: Mapping[str, Run]) -> None:
         super().__init__(lines)
-        self._known = known
+        self._known = names
         self.names |= {"data": cpu.data, "inputs": cpu.inputs, "outputs": cpu.outputs, "code": code}
 
     def ends(self, line: StatementLine) -> str | None:
@@ -180,16 +180,16 @@ def _moved(name: str, kind: str, rest: str, line: StatementLine) -> str:
     raise InputError
 
 
-def _product(given: Sequence[StatementLine]) -> list[str]:
+def _product(lines: Sequence[StatementLine]) -> list[str]:
     """Return the text of a call of the multiplier with the parameters behind it.
 
     Raises:
         InputError: they are not its own, in their order, each a data word; the bit is not looked at.
     """
-    if tuple(line.label for line in given) != _PARAMETERS or not all(
-            line.operation == "DW" and line.operand.isdigit() for line in given if line.label != "Z3=0"):
+    if tuple(line.label for line in lines) != _PARAMETERS or not all(
+            line.operation == "DW" and line.operand.isdigit() for line in lines if line.label != "Z3=0"):
         raise InputError(f"{_MULTIPLIER}: expected the parameters {', '.join(_PARAMETERS)} behind its call, data words")
-    one, two, _, high, low = (int(line.operand) if line.operation == "DW" else 0 for line in given)
+    one, two, _, high, low = (int(line.operand) if line.operation == "DW" else 0 for line in lines)
     return [f"product = dw[{one}] * dw[{two}]", f"dw[{high}], dw[{low}] = {_wrapped('(product >> 16)')}, "
             f"{_wrapped('product')}"]
 

@@ -10,10 +10,10 @@ from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
 from heatertune.errors import OutOfRange
-from heatertune.pid.values import Timer
+from heatertune.pid.design_values import Timer
 from heatertune.plc.cpu.s7_200.cpu import S7200Program, carry_out
 from heatertune.plc.cpu.s7_200.memory import ATTACHED, BEGUN, ENABLED, FAULTS, WIDTH, bit, cell, put_word, word
-from heatertune.plc.cpu.statements import in_ascii
+from heatertune.plc.cpu.statement_translation import in_ascii
 from heatertune.plc.open_points import OpenPoint
 from heatertune.plc.ramp import Number
 from heatertune.plc.words import Certificate, Scaling, WordField, Words, kept_by

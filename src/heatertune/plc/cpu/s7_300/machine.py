@@ -20,7 +20,7 @@ from struct import Struct
 from typing import Any, Final, Literal, NamedTuple
 
 from heatertune.errors import InputError
-from heatertune.pid.values import Timer
+from heatertune.pid.design_values import Timer
 from heatertune.plc.cpu.s7_300.source import (
     LAST,
     MemberPlace,
@@ -32,7 +32,7 @@ from heatertune.plc.cpu.s7_300.source import (
     signed_number,
     statements,
 )
-from heatertune.plc.cpu.statements import Accumulators, Run, StatementLine, Translation
+from heatertune.plc.cpu.statement_translation import Accumulators, Run, StatementLine, Translation
 from heatertune.plc.inputs import FOUR_TO_TWENTY, Range
 from heatertune.plc.ramp import Number
 from heatertune.plc.single_precision import divide_single, single
@@ -255,20 +255,20 @@ class TranslatedBlock(Translation):
             return f"{self._bytes(place)}[{place.byte}:{place.byte + 4}] = packed({held.real})"
         return self._put(place, self._as(held, "bits"))
 
-    def _as(self, held: _Value, form: _Form) -> str:
+    def _as(self, register: _Value, form: _Form) -> str:
         """Return text that gives what an accumulator holds as bits or as a number."""
         if form == "bits":
-            held.bits = held.bits or self._named(f"bits_of({held.real})")
-            return held.bits
-        held.real = held.real or self._named(f"as_real({held.bits})")
-        return held.real
+            register.bits = register.bits or self._named(f"bits_of({register.real})")
+            return register.bits
+        register.real = register.real or self._named(f"as_real({register.bits})")
+        return register.real
 
     def _new(self, bits: str) -> _Value:
         return _Value(bits=self._named(bits))
 
-    def _new_real(self, made: str, status: str) -> _Value:
+    def _new_real(self, text: str, status: str) -> _Value:
         self._made += 1
-        self._emit(f"v{self._made}, {status} = {made}")
+        self._emit(f"v{self._made}, {status} = {text}")
         return _Value(real=f"v{self._made}")
 
     def _named(self, text: str) -> str:
@@ -367,9 +367,9 @@ class TranslatedBlock(Translation):
         return f"{memory}[{byte}:{byte + size}] = ({value} & {(1 << 8 * size) - 1}).to_bytes({size}, 'big')"
 
 
-def _share(two: int, one: int, rest: bool) -> int:
+def _share(two: int, value: int, rest: bool) -> int:
     """Return quotient or remainder, cut towards zero."""
-    dividend, divisor = signed_number(two, 32), signed_number(one, 32)
+    dividend, divisor = signed_number(two, 32), signed_number(value, 32)
     share = abs(dividend) // abs(divisor) * (1 if (dividend < 0) == (divisor < 0) else -1)
     return (dividend - share * divisor if rest else share) & 0xFFFFFFFF
 

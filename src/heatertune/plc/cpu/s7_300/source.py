@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Final, NamedTuple
 
 from heatertune.errors import InputError
-from heatertune.plc.cpu.statements import StatementLine, in_ascii
+from heatertune.plc.cpu.statement_translation import StatementLine, in_ascii
 from heatertune.plc.ramp import Number
 from heatertune.plc.words import Certificate, WordField, Words
 

@@ -22,7 +22,7 @@ from heatertune.compiled import bound
 from heatertune.compiled.plain_functions import step, warm_state
 from heatertune.errors import InputError
 from heatertune.model.disturbance import DisturbanceEffect
-from heatertune.model.values import HeaterModel
+from heatertune.model.model_values import HeaterModel
 from heatertune.plc.controller import Controller, controller_for
 from heatertune.plc.feed_forward import FeedForward
 from heatertune.plc.open_points import settings_to_prove

@@ -23,10 +23,10 @@ from heatertune.codec import (
     register_schema,
 )
 from heatertune.errors import DocumentError
-from heatertune.model.document import SCHEMA as MODEL_SCHEMA
-from heatertune.model.document import ModelView
-from heatertune.model.values import FittedModel
-from heatertune.pid.values import Margins, PidDesign, Promise, structure_of
+from heatertune.model.model_document import SCHEMA as MODEL_SCHEMA
+from heatertune.model.model_document import ModelView
+from heatertune.model.model_values import FittedModel
+from heatertune.pid.design_values import Margins, PidDesign, Promise, structure_of
 from heatertune.settings import Conditions, SensorSettings, WordSettings
 from heatertune.units import check
 

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from heatertune.errors import InputError
 from heatertune.plc.cpu.iec.machine import KEEP, Tape, TextProgram
-from heatertune.plc.cpu.iec.text import units
+from heatertune.plc.cpu.iec.st_syntax import units
 from heatertune.plc.exported import CallInputs, CallOutputs, CallResult, ExportedInPlc
 from heatertune.plc.ramp import Number
 from heatertune.plc.st.plcopen import project_of
@@ -21,7 +21,7 @@ _DUE: Final = 1 << 30
 
 
 class ExportedProgram(ExportedInPlc):
-    """See `heatertune.plc.exported.ExportedInPlc`; the program is that of `heatertune.plc.st.program`."""
+    """See `heatertune.plc.exported.ExportedInPlc`; the program is that of `heatertune.plc.st.program_text`."""
 
     def __init__(self, program: TextProgram) -> None:
         """Take a program; raise InputError where it is not of the exported form."""
@@ -43,45 +43,45 @@ class ExportedProgram(ExportedInPlc):
         if self._asked is not None:
             self._program["HeaterSetPoint"] = self._asked
 
-    def call(self, asked: Number, counts: int, reading_degC: float) -> CallResult:
+    def call(self, target: Number, counts: int, reading_degC: float) -> CallResult:
         """Run the program when the block is due."""
         if self._begun:
             self._program["HeaterSince"] = _DUE
-        return self.tick(asked, counts, reading_degC)[0]
+        return self.tick(target, counts, reading_degC)[0]
 
-    def tick(self, asked: Number, counts: int, reading_degC: float) -> tuple[CallResult, bool | None]:  # noqa: ARG002
+    def tick(self, target: Number, counts: int, reading_degC: float) -> tuple[CallResult, bool | None]:  # noqa: ARG002
         """Run a scan."""
         program = self._program
-        if self._asked not in (None, asked):
-            program["HeaterSetPoint"] = asked
-        self._asked, self._begun = asked, True
+        if self._asked not in (None, target):
+            program["HeaterSetPoint"] = target
+        self._asked, self._begun = target, True
         program["HeaterTemperature"] = reading_degC
         program.scan()
         power = program["HeaterPower"]
         called = CallResult(program[self._led], power, min(max(power, 0.0), 100.0))
         return called, program["HeaterOutput"] if self._pwm else None
 
-    def calls(self, given: CallInputs) -> CallOutputs | None:
+    def calls(self, inputs: CallInputs) -> CallOutputs | None:
         """Run the program so often, each time when the block is due."""
-        since = np.full(len(given.power_pct), _DUE)
+        since = np.full(len(inputs.power_pct), _DUE)
         if not self._begun:
             since[0] = KEEP
-        return self._scans(given, {"HeaterSince": since})
+        return self._scans(inputs, {"HeaterSince": since})
 
-    def ticks(self, given: CallInputs) -> CallOutputs | None:
+    def ticks(self, inputs: CallInputs) -> CallOutputs | None:
         """Run so many scans."""
-        return self._scans(given, {})
+        return self._scans(inputs, {})
 
-    def _scans(self, given: CallInputs, wholes: dict[str, npt.NDArray[np.int64]]) -> CallOutputs | None:
-        asked = given.power_pct.copy()
+    def _scans(self, inputs: CallInputs, wholes: dict[str, npt.NDArray[np.int64]]) -> CallOutputs | None:
+        asked = inputs.power_pct.copy()
         same = asked == np.concatenate(([asked[0] if self._asked is None else self._asked], asked[:-1]))
         asked[same] = np.nan
         wanted = (self._led, "HeaterPower", *(["HeaterOutput"] if self._pwm else []))
         got = self._program.scans(Tape(
-            len(asked), {"HeaterSetPoint": asked, "HeaterTemperature": given.readings_degC}, wholes, wanted))
+            len(asked), {"HeaterSetPoint": asked, "HeaterTemperature": inputs.readings_degC}, wholes, wanted))
         if got is None:
             return None
-        self._asked, self._begun, powers = float(given.power_pct[-1]), True, got["HeaterPower"]
+        self._asked, self._begun, powers = float(inputs.power_pct[-1]), True, got["HeaterPower"]
         on = got["HeaterOutput"] != 0 if self._pwm else None
         return CallOutputs(got[self._led], powers, np.clip(powers, 0.0, 100.0), on)
 

@@ -17,7 +17,7 @@ from typing import Any, Final, Literal
 
 from heatertune.codec import LEFT_OUT, Document, EarlierDocument, OrInfinite, decode, encode, plain, register_schema
 from heatertune.errors import DocumentError
-from heatertune.pid.document import BoostView, RampView
+from heatertune.pid.design_document import BoostView, RampView
 from heatertune.plc import Scaling
 from heatertune.plc.pwm import Actuator
 from heatertune.proof.acceptance import Interlock

@@ -12,7 +12,7 @@ from decimal import Decimal
 from typing import Final, NamedTuple
 
 from heatertune.plc.core import Sensor, count
-from heatertune.plc.cpu.statements import in_ascii
+from heatertune.plc.cpu.statement_translation import in_ascii
 from heatertune.plc.open_points import OpenPoint
 from heatertune.plc.print.statements import CELLS, renamed, setpoint_ramp
 from heatertune.plc.pwm import Actuator, pulse_ends

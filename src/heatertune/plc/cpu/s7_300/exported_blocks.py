@@ -94,19 +94,19 @@ class ExportedS7(ExportedInPlc):
         self._begun = False
 
     @final
-    def call(self, asked: Number, counts: int, reading_degC: float) -> CallResult:
+    def call(self, target: Number, counts: int, reading_degC: float) -> CallResult:
         """Run OB35 when the controller is due."""
         if self._begun:
             self._cpu.put(self._due, 0)
-        return self.tick(asked, counts, reading_degC)[0]
+        return self.tick(target, counts, reading_degC)[0]
 
     @final
-    def tick(self, asked: Number, counts: int, reading_degC: float) -> tuple[CallResult, bool | None]:  # noqa: ARG002
+    def tick(self, target: Number, counts: int, reading_degC: float) -> tuple[CallResult, bool | None]:  # noqa: ARG002
         """Run OB35."""
         cpu = self._cpu
-        if self._asked not in (None, asked):
-            cpu.put(self._setpoint, self.setpoint_bits(int(asked)))
-        self._asked, self._begun = asked, True
+        if self._asked not in (None, target):
+            cpu.put(self._setpoint, self.setpoint_bits(int(target)))
+        self._asked, self._begun = target, True
         cpu.memory["P"][_INPUT : _INPUT + 2] = counts.to_bytes(2, "big")
         cpu.run("OB 35")
         return CallResult(self._followed(), *self.outcome()), self._on() if self._switches else None

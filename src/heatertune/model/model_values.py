@@ -671,9 +671,9 @@ class FittedModel(NotebookDisplay, Dynamics):
         return replace(self, model=model, candidates=candidates, ci95=ci95,
                        least_dead_time_s=self.least_dead_time_s + delay_s)
 
-    def _believed(self, given: Sequence[tuple[str, HeaterModel]]) -> tuple[tuple[str, HeaterModel], ...]:
+    def _believed(self, models: Sequence[tuple[str, HeaterModel]]) -> tuple[tuple[str, HeaterModel], ...]:
         labels: dict[HeaterModel, str] = {}
-        for label, model in given:
+        for label, model in models:
             least = self.least_dead_time_s
             labels.setdefault(model if model.dead_time_s >= least else replace(model, dead_time_s=least), label)
         return tuple((label, model) for model, label in labels.items())

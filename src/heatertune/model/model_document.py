@@ -29,9 +29,7 @@ from heatertune.heater.heat_loss import LossCurve
 from heatertune.model.disturbance import CoolingEffect, DisturbanceEffect
 from heatertune.model.findings import Finding
 from heatertune.model.loss_curve import LossFopdt, LossTwoLag
-from heatertune.model.statistics import Interval
-from heatertune.model.validation import LJUNG_BOX_95
-from heatertune.model.values import (
+from heatertune.model.model_values import (
     Candidate,
     FitOutcome,
     FittedModel,
@@ -47,6 +45,8 @@ from heatertune.model.values import (
     disagreeing_parameters,
     model_by_hand,
 )
+from heatertune.model.statistics import Interval
+from heatertune.model.validation import LJUNG_BOX_95
 
 __all__ = [
     "SCHEMA", "CorrelationView", "ModelView", "ValidationView", "WhitenessView", "from_document", "read_model",
