@@ -358,7 +358,7 @@ def plant_rows(models: Sequence[HeaterModel], scenario: Scenario) -> Array:
 
 def have_loss(plants: Array) -> bool:
     """Return whether rows, shape (n, 6) or (n, 12), are those of heaters with a loss curve."""
-    return bool(plants.shape[1] > _LINEAR)
+    return len(plants[0]) > _LINEAR  # a virtual PLC has them as lists
 
 
 def program_of(controller: LoopController, scenario: Scenario) -> SetpointProgram:
