@@ -138,7 +138,7 @@ def crossed_at(trace: Trace, low_s: Array, high_s: Array, levels_degC: Array) ->
         levels_degC: what lies between the temperatures at both [°C].
     """
     since, y, x, target = trace._stretch_at(low_s)
-    lags = trace._lags()
+    lags = trace._lags(y, x)
     above = advance(y, x, target, low_s - since, *lags) > levels_degC
     for _ in range(HALVINGS):
         middle = 0.5 * (low_s + high_s)
