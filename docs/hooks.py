@@ -192,8 +192,7 @@ def modules(room: str) -> list[str]:
 
 GENERATORS: dict[str, Callable[[], str]] = {
     "commands": commands, "symbols": symbols, "words": words, "controllers": controllers, "criteria": criteria,
-    "rooms": rooms,
-    "plant": plant,
+    "conditions": conditions, "events": events, "excluded": excluded, "rooms": rooms, "plant": plant,
 } | {f"service_{name.replace('-', '_')}": partial(service, name) for name in TARGETS
 } | {f"python_{room}": partial(python, room) for room in ROOMS}
 

@@ -239,5 +239,8 @@ def test_a_boost_at_a_shorter_interval_than_the_logs_mends_what_winds_up(library
     assert found.proof.words.boost is not None
     assert found.ideal.sample_time_s < 10.0
     broken = [what for *_, beyond in judged(library, fitted, found, powers=(0.81, 1.21)) for _, what in beyond]
-    # at rest only where the judge's parts are long enough for a slow I part on a fast heater
-    assert [what for what in broken if not what.startswith("distance at rest")] == []
+    # below the stated setpoint, the verdict tells what an open circuit overshoots by; at rest only where the judge's parts are
+    # long enough for a slow I part on a fast heater
+    below = [what for what in broken if what.startswith("reheat_overshoot") and not what.endswith("at 46.2 °C")]
+    assert not below or "outage-below" in [finding.name for finding in found.proof.diagnostics.findings]
+    assert [what for what in broken if what not in below and not what.startswith("distance at rest")] == []
