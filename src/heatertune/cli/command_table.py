@@ -13,7 +13,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from heatertune.codec import read_toml
+from heatertune.codec import existing_path, read_toml
 from heatertune.errors import DocumentError, InputError, closest, did_you_mean
 
 if TYPE_CHECKING:
@@ -220,7 +220,8 @@ def demand_files(parser: argparse.ArgumentParser, settings: argparse.Namespace) 
             continue
         given = names[action.dest]
         for name in [given] if isinstance(given, str) else given:
-            near = "" if name.lower() in BUILT_IN or os.path.lexists(name) else _near(name, log=action.metavar == "LOG")
+            is_there = name.lower() in BUILT_IN or os.path.lexists(existing_path(name))
+            near = "" if is_there else _near(name, log=action.metavar == "LOG")
             if near:
                 raise InputError(f"{name}: cannot be read: No such file or directory; did you mean {near}?")
 
