@@ -162,6 +162,8 @@ class DroppedFile:
         try:
             sheet = plain_cells(with_names(read_sheet(
                 Path(plain), content, settings.skip_rows, settings.tag, settings.decimal_comma)))
+            if not len(sheet):
+                raise LogError("holds no row", file=plain)
         except (LogError, IndexError):
             text = "" if b"\0" in content[:_LINES] else content[:_LINES * _LONGEST].decode("utf-8", "replace")
             lines = tuple(line[:_LONGEST] for line in text.splitlines()[:_LINES])
