@@ -10,7 +10,7 @@ from heatertune.plc import Scaling, controller_for
 from heatertune.plc.design import encode, tune
 from heatertune.proof.event_table import EVENTS, EXCLUDED
 from heatertune.proof.heaters import MAINS_POWERS
-from heatertune.proof.long_outage import JUDGED, OutageTiming, nights_of
+from heatertune.proof.long_outage import JUDGED, LOADED, WINDOW, OutageTiming, nights_of
 from heatertune.proof.prove_words import course_for
 from heatertune.proof.scenario import Mains, kinds_of
 from heatertune.settings import Conditions
@@ -58,11 +58,11 @@ def test_each_finding_of_an_additional_run_has_its_row():
 
 def test_the_additional_runs_have_the_phases_that_the_table_names():
     runs = {}
-    for scenario in (_sequence(), _sequence(setpoint=60.0)):
+    for scenario, again in ((_sequence(), LOADED), (_sequence(setpoint=60.0), WINDOW)):
         timing = OutageTiming(controller_for("esphome"), WORDS, controller_for("esphome").decode(WORDS), scenario, [HEATER])
         runs |= {night.name: {kind for kind, *_ in kinds_of(night.scenario)} for night in nights_of(
             scenario, [HEATER], timing.openings_s(), timing.restarts_s(), timing.lows_degC(), timing.lower_openings_s(),
-            again=True)}
+            again=again)}
     table = {event.finding: {*event.phases} for event in EVENTS if event.finding}
     assert runs.keys() == table.keys()
     for name, phases in table.items():

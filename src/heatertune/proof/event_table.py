@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from heatertune.proof.long_outage import BELOW, BRIEF, HEAT_UP, LOADED, LONGER, LOW, PART, RISING, WARM
+from heatertune.proof.long_outage import BELOW, BRIEF, HEAT_UP, LOADED, LONGER, LOW, PART, RISING, WARM, WINDOW
 
 __all__ = ["CONDITIONS", "EVENTS", "EXCLUDED", "MAINS_LABELS", "NOT_RUN", "Condition", "EventKind", "Exclusion"]
 
@@ -91,6 +91,8 @@ EVENTS: Final = (
               phases=("off", "reheat"), runs="nearest", finding=BRIEF),
     EventKind(name="open circuit while a load is held, with a boost", state="at rest under the load",
               sizes="as above; it has to come to rest", phases=("off", "reheat"), runs="nearest", finding=LOADED),
+    EventKind(name="the same with a firmware's window", state="at rest under the load",
+              sizes="as above; told, it blocks nothing", phases=("off", "reheat"), runs="nearest", finding=WINDOW),
     EventKind(name="open circuit in a stated range", state="at rest at a lower setpoint", sizes="as above",
               phases=("off", "reheat"), runs="nearest", finding=LOW),
     EventKind(name="open circuit below a stated setpoint", state="at rest, a fifth of the rise lower",

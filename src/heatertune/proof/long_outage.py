@@ -30,8 +30,8 @@ from heatertune.proof.verdict import FitDiagnostics
 from heatertune.units import written
 
 __all__ = [
-    "BELOW", "BRIEF", "HEAT_UP", "JUDGED", "LOADED", "LONGER", "LOW", "OF_RANGE", "OVERSHOOTS", "PART", "RISING",
-    "WARM", "LongOutage", "OutageTiming", "briefly", "heat_up", "lengthen", "nights_of", "sums_up", "unmended",
+    "BELOW", "BRIEF", "HEAT_UP", "JUDGED", "LOADED", "LONGER", "LOW", "OF_RANGE", "ONLY_TOLD", "OVERSHOOTS", "PART",
+    "RISING", "WARM", "WINDOW", "LongOutage", "OutageTiming", "briefly", "heat_up", "lengthen", "nights_of", "sums_up", "unmended",
     "winds_up", "wound",
 ]
 
@@ -259,6 +259,10 @@ BELOW: Final = "outage-below"
 HEAT_UP: Final = "low-heat-up"
 #: with a boost, while a load is held
 LOADED: Final = "loaded-outage"
+#: the same with a firmware's own window, which no parameter of a design moves: it is told, and blocks nothing
+WINDOW: Final = "loaded-window"
+#: findings that block nothing
+ONLY_TOLD: Final = frozenset({BELOW, WINDOW})
 #: limits broken there are of the test sequence's kind, and other gains may help
 _MENDED: Final = frozenset({LOW, HEAT_UP, BRIEF, WARM, PART, LOADED})
 #: findings that concern the lower end of the range of setpoints
@@ -266,10 +270,10 @@ OF_RANGE: Final = frozenset({LOW, HEAT_UP, PART})
 #: name of the finding → criteria that select the hardest run
 OVERSHOOTS: Final = {
     LONGER: _REHEATED, RISING: _REHEATED, LOW: _REHEATED, BELOW: _REHEATED, HEAT_UP: _HEATED, BRIEF: _REHEATED,
-    WARM: _RESTARTED, PART: _CHANGED, LOADED: _REHEATED}
+    WARM: _RESTARTED, PART: _CHANGED, LOADED: _REHEATED, WINDOW: _REHEATED}
 #: name of the finding → criteria that count
 JUDGED: Final = {**OVERSHOOTS, LONGER: (*_REHEATED, _RETURN, _GROWTH), RISING: (*_REHEATED, _RETURN),
-                 LOADED: (_RETURN,)}
+                 LOADED: (_RETURN,), WINDOW: (_RETURN,)}
 _KEPT_AT_HIGHEST: Final = "the limit is kept at the highest setpoint"
 _TIMES: Final = 4.0  # as long as in the test sequence
 #: of the time to return after the test sequence's open circuit: tolerance for a heater that was not quite cold then
@@ -340,7 +344,7 @@ class LongOutage(NamedTuple):
 
 def nights_of(
     scenario: Scenario, models: Sequence[HeaterModel], brief_s: Sequence[float] = (), warm_s: Sequence[float] = (),
-    lows_degC: Sequence[float] = (), lower_s: Mapping[float, Sequence[float]] | None = None, *, again: bool = False,
+    lows_degC: Sequence[float] = (), lower_s: Mapping[float, Sequence[float]] | None = None, *, again: str = "",
 ) -> Iterator[LongOutage]:
     """Yield variants of the longest open circuit, right after the heat-up: longer, closed at lower setpoints, shorter.
 
@@ -354,7 +358,7 @@ def nights_of(
         warm_s: times without supply of the PLC [s].
         lows_degC: setpoints to which it falls, and from which it rises again [°C].
         lower_s: lower setpoint in use [°C] → lengths of the shorter open circuits there [s]; None: there is none.
-        again: whether a boost starts again far from the setpoint.
+        again: `LOADED` if a boost starts again far from the setpoint, `WINDOW` if a firmware's window ends; else "".
     """
     lower_s = lower_s or {}
     opened = {number: closed.time_s - event.time_s
@@ -364,7 +368,7 @@ def nights_of(
         number = max(opened, key=lambda entry: opened[entry])
         yield from _opened(scenario, models, number, opened, brief_s, lower_s)
         if again and brief_s and scenario.rests_s:
-            yield from _under_load(scenario, number, brief_s)
+            yield from _under_load(again, scenario, number, brief_s)
     if not scenario.rests_s:
         return
     if warm_s:
@@ -415,7 +419,7 @@ def _opened(
         yield LongOutage(BRIEF, _each(scenario, number, brief_s), told, "; the limit is kept after a longer one")
 
 
-def _under_load(scenario: Scenario, number: int, lengths_s: Sequence[float]) -> Iterator[LongOutage]:
+def _under_load(name: str, scenario: Scenario, number: int, lengths_s: Sequence[float]) -> Iterator[LongOutage]:
     """Yield open circuits while the load of the test sequence is held.
 
     A boost hands over to a controller with an empty I part. If P alone asks for less than the load needs, the reading
@@ -431,7 +435,7 @@ def _under_load(scenario: Scenario, number: int, lengths_s: Sequence[float]) -> 
     rests = open_again.rests_s[:1], (scenario.rests_s[place + 1],), open_again.rests_s[1:]
     loaded = replace(open_again, disturbances=(replace(scenario.disturbances[place], time_s=begins_s), *events),
                      rests_s=sum(rests, ()), duration_s=open_again.duration_s + later_s)
-    yield LongOutage(LOADED, loaded, f"After {_minutes(lengths_s)} with an open circuit while a load is held",
+    yield LongOutage(name, loaded, f"After {_minutes(lengths_s)} with an open circuit while a load is held",
                      "; it does without a load", most=_ANY)
 
 
@@ -592,7 +596,7 @@ def _arrives_s(model: HeaterModel, low_degC: float, ambient_degC: float) -> floa
 
 def wound(diagnostics: FitDiagnostics) -> set[str]:
     """Return which of these were found, and not accepted by the user."""
-    return {finding.name for finding in diagnostics.findings} & set(JUDGED) - {BELOW, *diagnostics.accepted}
+    return {finding.name for finding in diagnostics.findings} & set(JUDGED) - {*ONLY_TOLD, *diagnostics.accepted}
 
 
 def winds_up(diagnostics: FitDiagnostics) -> bool:

@@ -28,9 +28,11 @@ from heatertune.proof.acceptance import Acceptance, Coverage, Interlock, Run
 from heatertune.proof.criteria import Criterion, LoopLimits, band_of, criteria_of_words, worst_of
 from heatertune.proof.heaters import MainsScenario, mains_label
 from heatertune.proof.long_outage import (
-    BELOW,
     JUDGED,
+    LOADED,
+    ONLY_TOLD,
     OVERSHOOTS,
+    WINDOW,
     LongOutage,
     OutageTiming,
     heat_up,
@@ -477,7 +479,7 @@ def _after_a_night(
                     for closely in (False, True))
     findings, broken = list[Finding](), dict[str, tuple[Run, ...]]()
     for first, closer in zip(coarse, fine, strict=True):
-        with uncharged(only_told=first.name == BELOW):
+        with uncharged(only_told=first.name in ONLY_TOLD):
             told = _judged_after(runs, results, coverage, first, closer)
         if found := closer.findings(criterion for _, criteria in told for criterion in criteria):
             findings += found
@@ -515,8 +517,9 @@ def _nights(
 ) -> Iterator[LongOutage]:
     heaters = [model for _, model in models]
     cooling = OutageTiming(controller, words, controller.decode(words), scenario, heaters, closely)
+    again = "" if controller.again_degC(words) is None else WINDOW if words.boost is None else LOADED
     return nights_of(scenario, heaters, cooling.openings_s(), cooling.restarts_s(), cooling.lows_degC(),
-                     cooling.lower_openings_s(), again=controller.again_degC(words) is not None)
+                     cooling.lower_openings_s(), again=again)
 
 
 def _with_band(diagnostics: FitDiagnostics, limits: LoopLimits, resolution_degC: float) -> FitDiagnostics:
