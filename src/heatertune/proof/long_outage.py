@@ -31,8 +31,8 @@ from heatertune.units import written
 
 __all__ = [
     "BELOW", "BRIEF", "HEAT_UP", "JUDGED", "LOADED", "LONGER", "LOW", "OF_RANGE", "ONLY_TOLD", "OVERSHOOTS", "PART",
-    "RISING", "WARM", "WINDOW", "LongOutage", "OutageTiming", "briefly", "heat_up", "lengthen", "nights_of", "sums_up", "unmended",
-    "winds_up", "wound",
+    "RISING", "WARM", "WINDOW", "LongOutage", "OutageTiming", "briefly", "heat_up", "lengthen", "nights_of", "sums_up",
+    "unmended", "winds_up", "wound",
 ]
 
 
