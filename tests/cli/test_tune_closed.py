@@ -79,7 +79,7 @@ def test_what_a_failure_suggests_changes_the_design_first_and_passes_as_it_stand
 @pytest.mark.long
 def test_no_limit_is_suggested_beyond_twice_its_default(run):
     status, out, _ = run("tune", *HAND, "--target", "s7-300", "--setpoint", 40, "--limit", "overshoot=0.001%", "--limit",
-                         "recovery-overshoot=0.001%", "--limit", "settling=1s", "--quiet")
+                         "recovery-overshoot=0.001%", "--limit", "settling=1s", "--quiet", "--verbose")
     assert status == 1
     assert "nearest that passes" not in out
     assert "nothing that was tried passes, nor does any limit of up to twice its default" in " ".join(out.split())
