@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import re
 from collections.abc import Awaitable, Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from operator import methodcaller
@@ -159,12 +160,11 @@ class DroppedFile:
         except HeatertuneError as refused:
             problem = str(refused)
         given: dict[str, Any] = {"settings": settings, "assumptions": assumed, "log": log, "problem": problem}
-        try:
+        sheet = None
+        with suppress(LogError, IndexError):
             sheet = plain_cells(with_names(read_sheet(
                 Path(plain), content, settings.skip_rows, settings.tag, settings.decimal_comma)))
-            if not len(sheet):
-                raise LogError("holds no row", file=plain)
-        except (LogError, IndexError):
+        if sheet is None or not len(sheet):
             text = "" if b"\0" in content[:_LINES] else content[:_LINES * _LONGEST].decode("utf-8", "replace")
             lines = tuple(line[:_LONGEST] for line in text.splitlines()[:_LINES])
             return cls(name=plain, content=content, lines=lines, **given)
