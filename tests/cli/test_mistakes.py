@@ -202,6 +202,7 @@ def test_the_users_file_states_options_that_a_line_leaves_out_and_says_so(run, t
 @pytest.mark.parametrize(("content", "message"), [
     ("targt = 'weg'\n", "heatertune.toml: targt: no such key: did you mean target?"), ("target = true\n", "expected a text, a number"),
     ("target =\n", "heatertune.toml"), ("target = 'wge'\n", "did you mean 'weg'?"),
+    ("target = 5\n", "heatertune.toml] --target 5"), ("range = ['low', 'high']\n", "heatertune.toml] --range low high"),
 ])
 def test_a_users_file_that_says_what_no_option_has_is_refused(content, message, run, tmp_path):
     (tmp_path / "config" / "heatertune").mkdir(parents=True)

@@ -144,7 +144,10 @@ def _run(arguments: tuple[str, ...]) -> int:
         raise InputError(f"unknown command {arguments[0]!r}{near} (see: heatertune --help)")
     its = parser(arguments[0])
     arguments, source = with_user_settings(arguments, its)
-    settings = its.parse_args(arguments)
+    try:
+        settings = its.parse_args(arguments)
+    except InputError as problem:
+        raise InputError(f"{problem} {source}".rstrip()) from None  # what the user's file adds may be what is wrong
     demand_files(its, settings)
     if source and not getattr(settings, "quiet", False):
         print(source, file=sys.stderr)
