@@ -428,13 +428,13 @@ def _under_load(name: str, scenario: Scenario, number: int, lengths_s: Sequence[
     place = next((place for place, event in enumerate(scenario.disturbances) if isinstance(event, Load)), None)
     if place is None:
         return
-    ends, open_again = [*(event.time_s for event in scenario.disturbances), scenario.duration_s], _each(
-        scenario, number, lengths_s)
-    later_s, begins_s = ends[place + 1] - ends[place], open_again.disturbances[0].time_s
-    events = [replace(event, time_s=event.time_s + later_s) for event in open_again.disturbances]
-    rests = open_again.rests_s[:1], (scenario.rests_s[place + 1],), open_again.rests_s[1:]
-    loaded = replace(open_again, disturbances=(replace(scenario.disturbances[place], time_s=begins_s), *events),
-                     rests_s=sum(rests, ()), duration_s=open_again.duration_s + later_s)
+    ends = [*(event.time_s for event in scenario.disturbances), scenario.duration_s]
+    opened, later_s = _each(scenario, number, lengths_s), ends[place + 1] - ends[place]
+    load = replace(scenario.disturbances[place], time_s=opened.disturbances[0].time_s)
+    events = [replace(event, time_s=event.time_s + later_s) for event in opened.disturbances]
+    first_s, *others_s = opened.rests_s
+    loaded = replace(opened, disturbances=(load, *events), rests_s=(first_s, scenario.rests_s[place + 1], *others_s),
+                     duration_s=opened.duration_s + later_s)
     yield LongOutage(name, loaded, f"After {_minutes(lengths_s)} with an open circuit while a load is held",
                      "; it does without a load", most=_ANY)
 
