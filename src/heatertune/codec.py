@@ -54,14 +54,14 @@ DATA: Final = "data"
 def data_folder(directory: str | Path) -> Path:
     """Return where the documents of a design lie: in `DATA`, or, of an earlier release, in its very folder."""
     inner = Path(directory) / DATA
-    return inner if (inner / "words.json").is_file() else Path(directory)
+    return inner if os.path.lexists(inner / "words.json") else Path(directory)
 
 
 def existing_path(path: str | Path) -> Path:
     """Return a document's file; one that is not there where earlier releases wrote it is looked for in `DATA`."""
     file = Path(path)
     inner = file.parent / DATA / file.name
-    return inner if not os.path.lexists(file) and inner.is_file() else file
+    return inner if not os.path.lexists(file) and os.path.lexists(inner) else file
 
 
 def to_json(document: Mapping[str, Any]) -> str:

@@ -170,6 +170,20 @@ def test_a_mistake_is_refused_in_one_line_with_what_was_meant_before_anything_lo
     assert sorted(tmp_path.iterdir()) == there
 
 
+@pytest.mark.parametrize("command", ["read", "fit", "validate", "tune", "verify", "decode --target weg", "compare", "report", "write"])
+@pytest.mark.parametrize("name", ["a" * 5000, "x\0/y", "a/" * 3000])
+def test_a_name_that_no_file_can_have_is_refused_as_any_other(command, name, run):
+    status, _, err = run(*command.split(), name)
+    assert status == 2
+    assert len(err.splitlines()) == 1
+
+
+def test_a_comparison_with_a_name_too_long_is_refused(run):
+    status, _, err = run("diff", "a" * 5000, "b" * 5000)
+    assert status == 2
+    assert "cannot be read: File name too long" in err
+
+
 @pytest.mark.parametrize("line", RIGHT)
 def test_what_is_meant_without_doubt_is_taken(line, run):
     with pytest.raises(LongStepError):

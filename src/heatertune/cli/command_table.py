@@ -230,7 +230,7 @@ def _near(name: str, *, log: bool) -> str | None:
     folder = Path(name).parent
     try:
         there = {str(folder / each.name): each.name for each in folder.iterdir() if each.is_file()}
-    except OSError:
+    except (OSError, ValueError):  # no name of a folder can be that long, or hold a zero byte
         there = {}
     names = {each: path for path, each in there.items()} | ({each: each for each in BUILT_IN} if log else {})
     near = closest(Path(name).name, names)

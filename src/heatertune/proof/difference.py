@@ -235,10 +235,14 @@ def read_sides(first: str | Path, second: str | Path, declared: DeclaredWords) -
 
 def _document(path: Path, target: str | None) -> Side | None:
     """Return the words of a folder or of words.json, None of another file."""
-    file = data_folder(path) / "words.json" if path.is_dir() else existing_path(path)
-    if path.is_dir() and not file.exists():
+    try:
+        is_folder = path.is_dir()
+    except OSError as problem:  # a name too long
+        raise DocumentError(f"{path}: cannot be read: {problem.strerror}") from problem
+    file = data_folder(path) / "words.json" if is_folder else existing_path(path)
+    if is_folder and not file.exists():
         raise DocumentError(f"{path}: no words.json in this folder, as export-db writes it")
-    if not path.is_dir() and not (_is_json(file) and peek_schema(file) == WORDS_SCHEMA):
+    if not is_folder and not (_is_json(file) and peek_schema(file) == WORDS_SCHEMA):
         return None
     document = read_document(file, WORDS_SCHEMA)
     words = read_words(file, target or str(document.get("target")))
