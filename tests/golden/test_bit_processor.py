@@ -13,7 +13,7 @@ from tests.golden import one_bit_programs as p
 from tests.golden.one_bit_programs import OFF, ROM, ControlUnit, clock
 
 from heatertune.errors import InputError, OutOfRange
-from heatertune.plc.cpu.one_bit import programs
+from heatertune.plc.cpu.one_bit import machine as programs
 from heatertune.plc.cpu.one_bit.machine import (
     MNEMONICS,
     MOST_STEPS,

@@ -17,7 +17,7 @@ from heatertune.plc.cpu.iec.machine import TextProgram
 from heatertune.plc.cpu.iec.st_syntax import units
 from heatertune.plc.iec_pid import step as repaired
 from heatertune.plc.iec_pid.export import SOURCE
-from heatertune.plc.iec_pid_text import step as printed
+from heatertune.plc.iec_pid_text import controller as printed
 from heatertune.plc.replay import replay
 from heatertune.plc.single_precision import single, to_single
 from heatertune.plc.st.program_text import MILLISECONDS, NANOSECONDS, SECONDS, TENS_OF_MS, function_block, time_to_real

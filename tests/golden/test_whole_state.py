@@ -15,7 +15,7 @@ import pytest
 from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Scaling, Words, controller_for
 from heatertune.plc.fb41 import step as fb41
-from heatertune.plc.on_off import step as on_off
+from heatertune.plc.on_off import controller as on_off
 from heatertune.plc.s5_ob251 import step as ob251
 from heatertune.plc.s7_300 import step as tip
 from heatertune.plc.weg import step as weg

@@ -10,15 +10,14 @@ from tests.golden.one_bit_programs import HEATER_PRINTED, TWO_LEVEL_NAMES
 from heatertune.errors import NotRepresentable, OutOfRange
 from heatertune.pid.design_values import PidDesign, structure_of
 from heatertune.plc import Certificate, Ramp, Scaling, controller_for
-from heatertune.plc.cpu.one_bit.machine import START, Wiring, scan
+from heatertune.plc.cpu.one_bit.machine import HEATER_NAMES, ON_OFF_NAMES, START, Wiring, scan
 from heatertune.plc.cpu.one_bit.machine import assemble as single_bit
-from heatertune.plc.cpu.one_bit.programs import HEATER_NAMES, ON_OFF_NAMES
 from heatertune.plc.cpu.s7_200 import COLD, assemble, run
 from heatertune.plc.cpu.s7_200.cpu import divide_integers
 from heatertune.plc.cpu.s7_200.memory import SIZE, cell
 from heatertune.plc.dump_reader import read_machine
-from heatertune.plc.on_off.step import OnOffState
-from heatertune.plc.on_off.step import step as direct
+from heatertune.plc.on_off.controller import OnOffState
+from heatertune.plc.on_off.controller import step as direct
 from heatertune.plc.s7_200_paper.export import faults
 from heatertune.plc.s7_200_paper.words import paper_words
 from heatertune.plc.words import round_to_word

@@ -12,7 +12,8 @@ from heatertune.errors import InputError, NotRepresentable, OutOfRange
 from heatertune.model.model_values import Fopdt
 from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Certificate, Scaling, Words, controller_for
-from heatertune.plc.on_off.export import PROGRAM, intel_hex
+from heatertune.plc.cpu.one_bit.machine import ON_OFF_NAMES, assemble
+from heatertune.plc.on_off.controller import PROGRAM, intel_hex
 from heatertune.plc.replay import replay
 from heatertune.proof import Acceptance, Actuator, Scenario, prove_models, simulate
 
@@ -123,9 +124,6 @@ def test_the_files_hold_program_and_word():
 
 
 def test_the_listing_assembles_to_the_program():
-    from heatertune.plc.cpu.one_bit.machine import assemble  # noqa: PLC0415 - beside its only use
-    from heatertune.plc.cpu.one_bit.programs import ON_OFF_NAMES  # noqa: PLC0415
-
     assert assemble(ROOM.export(_words(), PASS)["on_off_listing.txt"], ON_OFF_NAMES, operand_bits=4) == PROGRAM
 
 

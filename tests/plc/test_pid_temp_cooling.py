@@ -14,7 +14,7 @@ from heatertune.plc.controller import with_cooling
 from heatertune.plc.cpu.iec.machine import Firmware
 from heatertune.plc.dump_reader import read_machine
 from heatertune.plc.pid_compact.export import FirmwareInstruction, load, load_program
-from heatertune.plc.pid_temp.export import cooling_exported
+from heatertune.plc.pid_temp.controller import cooling_exported
 from heatertune.plc.pid_temp.step import CoolingAssumptions
 from heatertune.plc.pid_temp.words import COOLING_FIELDS, TEMP_COOLING
 from heatertune.plc.pwm import Actuator, pid_compact

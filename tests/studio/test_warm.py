@@ -9,7 +9,7 @@ import pytest
 from heatertune.compiled import decide, dispatch, worth_compiling
 from heatertune.errors import InputError
 from heatertune.proof import loop
-from heatertune.studio import warm_up
+from heatertune.studio import server as warm_up
 from heatertune.studio.loop_settings import StudioSettings, first_look, full_proof
 
 MOST = 10**15
@@ -35,7 +35,7 @@ def beside(monkeypatch, program):
 def test_loops_run_plainly_while_the_compiler_works_and_compiled_when_it_is_done(monkeypatch):
     seen = beside(monkeypatch, "")
     asyncio.run(warm_up.warm(("weg", "on-off")))
-    assert seen == [(False, (sys.executable, "-m", "heatertune.studio.warm_up", "weg", "on-off"))]
+    assert seen == [(False, (sys.executable, "-m", "heatertune.studio.server", "weg", "on-off"))]
     assert worth_compiling(0)
 
 

@@ -185,7 +185,7 @@ def _kept(stage: str, inputs: Mapping[str, Any], run: Callable[[], FittedModel],
 
 
 def _laws() -> Sequence[Any]:
-    from heatertune.plc.s7_200_paper.laws import LAWS
+    from heatertune.plc.s7_200_paper.step import LAWS
 
     return LAWS
 

@@ -53,7 +53,7 @@ from heatertune.plc.s5_ob251.step import (
     FULL_SCALE as S5_FULL_SCALE,
 )
 from heatertune.plc.s5_ob251.words import parameters_of
-from heatertune.plc.s7_200.step import step
+from heatertune.plc.s7_200.controller import step
 from heatertune.plc.s7_200_pid.words import FULL, SETPOINT, TABLE
 from heatertune.plc.s7_300.words import FIELDS as PID_TIP_FIELDS
 from heatertune.plc.single_precision import divide_single

@@ -45,8 +45,7 @@ from heatertune.model.model_values import (
     disagreeing_parameters,
     model_by_hand,
 )
-from heatertune.model.statistics import Interval
-from heatertune.model.validation import LJUNG_BOX_95
+from heatertune.model.statistics import LJUNG_BOX_95, Interval
 
 __all__ = [
     "SCHEMA", "CorrelationView", "ModelView", "ValidationView", "WhitenessView", "from_document", "read_model",

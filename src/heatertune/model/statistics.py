@@ -6,6 +6,7 @@ Also one-sided and open intervals, and intervals from resampled values.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -13,10 +14,29 @@ from heatertune.arrays import Array
 from heatertune.errors import OutOfRange
 
 __all__ = [
-    "PERIOD", "RATIO", "Interval", "ar1_bic", "ar1_weighted", "autocorrelation", "block_resamples", "envelope",
-    "fit_pct", "holds", "hull", "identified_interval", "identified_parts", "interval", "percentile_interval",
+    "LJUNG_BOX_95",
+    "PERIOD",
+    "RATIO",
+    "Interval",
+    "ar1_bic",
+    "ar1_weighted",
+    "autocorrelation",
+    "block_resamples",
+    "envelope",
+    "fit_pct",
+    "holds",
+    "hull",
+    "identified_interval",
+    "identified_parts",
+    "interval",
+    "ljung_box",
+    "percentile_interval",
     "student_t",
 ]
+
+
+#: 95 % point of χ² with 20 degrees of freedom
+LJUNG_BOX_95: Final = 31.41
 
 
 def fit_pct(measured: Array, simulated: Array) -> float:
@@ -168,3 +188,14 @@ def identified_parts(ci95: Interval | None) -> bool:
 def identified_interval(ci95: Interval) -> Interval | None:
     """Return the interval, or None if it identifies nothing."""
     return ci95 if identified_parts(ci95) else None
+
+
+def ljung_box(residuals: Array, lags: int = 20) -> float:
+    """Return n(n + 2)·Σ ρₖ²/(n − k) over the lags; white residuals stay below `LJUNG_BOX_95` in 95 of 100 logs.
+
+    G. M. Ljung and G. E. P. Box, "On a measure of lack of fit in time series models", Biometrika 65 (1978) 297–303.
+    The residuals are of shape (n,).
+    """
+    n = len(residuals)
+    rho = autocorrelation(residuals, lags)
+    return float(n * (n + 2) * np.sum(rho**2 / (n - np.arange(1, len(rho) + 1))))

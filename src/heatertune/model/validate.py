@@ -25,8 +25,7 @@ from heatertune.model.outliers import replace_outliers, undisturbed_part
 from heatertune.model.power.feedback import feedback_notes, input_correlation
 from heatertune.model.power.open_loop import FixedUnknowns, PowerProblem
 from heatertune.model.power.regressors import AMBIENT, FIRST_STATE, GAIN, SECOND_STATE, Readings
-from heatertune.model.statistics import fit_pct
-from heatertune.model.validation import ljung_box
+from heatertune.model.statistics import fit_pct, ljung_box
 from heatertune.options import merge_options
 from heatertune.settings import ValidateSettings
 

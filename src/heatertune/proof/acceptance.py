@@ -23,8 +23,7 @@ from heatertune.errors import InputError, UnknownName
 from heatertune.model.model_values import HeaterModel
 from heatertune.options import options_of
 from heatertune.pid.design_values import Margins, PidDesign
-from heatertune.plc.cpu.one_bit.machine import START, OneBitState, Wiring, assemble, scan
-from heatertune.plc.cpu.one_bit.programs import HEATER, HEATER_NAMES
+from heatertune.plc.cpu.one_bit.machine import HEATER, HEATER_NAMES, START, OneBitState, Wiring, assemble, scan
 from heatertune.plc.open_points import OpenPoint, settings_to_prove
 from heatertune.plc.pwm import INSTANT_S
 from heatertune.processors import ProgressCallback

@@ -1,21 +1,28 @@
-"""Start: the page on the loopback address, its address on stdout."""
+"""The page on the loopback address: its start, its address on stdout, and code made ready for the first visitor."""
 
 from __future__ import annotations
 
 import asyncio
+import os
 import socket
+import sys
+from collections.abc import Sequence
 
 from nicegui import app, background_tasks, ui
 
-from heatertune.errors import InputError
+from heatertune.cache import folder
+from heatertune.compiled import decide
+from heatertune.compiled.loader import host
+from heatertune.errors import HeatertuneError, InputError
+from heatertune.model.model_values import Fopdt, model_by_hand
 from heatertune.plc import TARGETS
 from heatertune.studio.access import HOST, Gate, address, new_token
 from heatertune.studio.browser_page import Page
+from heatertune.studio.loop_settings import StudioSettings, first_look
 from heatertune.studio.session import Session, read_source
-from heatertune.studio.warm_up import warm
 from heatertune.studio.work import Work
 
-__all__ = ["serve"]
+__all__ = ["compile_all", "serve", "warm"]
 
 
 def serve(source: str | None, *, port: int | None, browser: bool) -> None:
@@ -75,3 +82,48 @@ def _free(port: int | None) -> int:
         except (OSError, OverflowError) as problem:
             raise InputError(f"--port {port}: cannot be used: {problem}") from problem
         return int(probe.getsockname()[1])
+
+
+async def warm(targets: Sequence[str] = tuple(TARGETS)) -> None:
+    """Compile the loops of controllers beside the page, and let the page run compiled what is there.
+
+    Where nothing can be kept on disk, or the compiler fails, each loop is compiled where it pays, as anywhere else.
+
+    Args:
+        targets: the controllers, that in front first.
+    """
+    if folder() is None:
+        return
+    decide("kept")
+    try:
+        quiet = asyncio.subprocess.DEVNULL  # Ctrl-C reaches it too, and its traceback would be no news
+        beside = await asyncio.create_subprocess_exec(
+            sys.executable, "-m", __name__, *targets, stdout=quiet, stderr=quiet)
+        try:
+            done = await beside.wait() == 0
+        finally:
+            if beside.returncode is None:
+                beside.terminate()
+        if done:
+            await asyncio.to_thread(host)  # what loads machine code: no answer shall wait for it
+    except OSError:
+        done = False
+    decide(True if done else None)
+
+
+def compile_all(targets: Sequence[str]) -> None:
+    """Compile the loops that a first look at each controller runs; one that cannot hold an ordinary PI is left out."""
+    decide(True)
+    heater = model_by_hand(Fopdt(gain_degC_per_pct=0.4, time_constant_s=170.0, dead_time_s=15.0, ambient_degC=20.0))
+    for target in targets:
+        try:
+            first_look(heater, StudioSettings(target=target))
+        except HeatertuneError:
+            continue
+
+
+if __name__ == "__main__":
+    compile_all(sys.argv[1:2])
+    if hasattr(os, "nice"):
+        os.nice(19)
+    compile_all(sys.argv[2:])

@@ -19,8 +19,7 @@ from heatertune.model.model_values import Half, HeldOut, InputCorrelation, Valid
 from heatertune.model.power.feedback import follows_temperature, input_correlation, is_feedback
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
 from heatertune.model.power.uncertainty import reaches, sensitivities
-from heatertune.model.statistics import Interval, fit_pct, identified_parts
-from heatertune.model.validation import ljung_box
+from heatertune.model.statistics import Interval, fit_pct, identified_parts, ljung_box
 from heatertune.units import NOMENCLATURE
 
 __all__ = [

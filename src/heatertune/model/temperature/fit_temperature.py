@@ -22,6 +22,7 @@ from heatertune.model.least_squares import ResidualFunction, minimise
 from heatertune.model.model_values import Candidate, FitOutcome, FittedModel, Residuals
 from heatertune.model.reduction import COMBINATIONS, FIELDS
 from heatertune.model.statistics import (
+    LJUNG_BOX_95,
     Interval,
     ar1_bic,
     autocorrelation,
@@ -30,6 +31,7 @@ from heatertune.model.statistics import (
     fit_pct,
     identified_interval,
     interval,
+    ljung_box,
 )
 from heatertune.model.temperature.closed_loop import Bounds, ControllerLaw, Hypothesis, LogSegment
 from heatertune.model.temperature.evidence import (
@@ -38,13 +40,14 @@ from heatertune.model.temperature.evidence import (
     evidence_notes,
     regulation_remarks,
 )
-from heatertune.model.validation import LJUNG_BOX_95, constant_rmse, cross_rmse, hold_out_rmse, ljung_box
 from heatertune.units import NOMENCLATURE
 
 __all__ = [
     "EARLY", "Fit", "ambient_note", "event_notes", "fit_all", "fit_temperature", "foretelling_remarks", "foretells",
     "joint_note", "limit_remarks", "lost_notes", "pool_candidates", "residuals_of", "share_remarks", "validation_notes",
 ]
+
+_FOLDS, _BLOCKS = 5, 20  # each fold leaves out every fifth of twenty blocks: longer than the residuals remember
 
 
 _RANDOM, _RACERS, _FINALISTS = 1500, 12, 3
@@ -572,3 +575,44 @@ def _notes(
     if lost:
         notes.append("A log of the power, or one open-loop step of known size until the temperature rests, settles it.")
     return tuple(notes)
+
+
+def hold_out_rmse(hypothesis: Hypothesis, early: Hypothesis, vector: Array) -> float:
+    """Return the error on the readings after `early`, which `vector`, shape (p,), was fitted to [°C]."""
+    whole = hypothesis.without_events()
+    error = whole.simulate(vector[None, :])[0] - whole.measured
+    return _rms(np.concatenate(_later(hypothesis, early, error)))
+
+
+def constant_rmse(hypothesis: Hypothesis, early: Hypothesis) -> float:
+    """Return the error of predicting the same readings by their mean [°C]: a larger error means no predictive value."""
+    return _rms(np.concatenate([part - part.mean() for part in _later(hypothesis, early, hypothesis.measured)]))
+
+
+def cross_rmse(hypothesis: Hypothesis, vector: Array) -> float:
+    """Return the prediction error on blocks of readings omitted from the fit, each block once [°C].
+
+    The first block of a log is never omitted, because it defines the initial state. Each fit starts at `vector`, shape
+    (p,).
+    """
+    measured = hypothesis.measured
+    rows = [len(segment.log.time_s) for segment in hypothesis.segments]
+    block = np.concatenate([np.arange(n) * _BLOCKS // n for n in rows])
+    left_out = np.array([(block % _FOLDS == fold) & (block > 0) for fold in range(_FOLDS)])
+
+    def residuals(z: Array, rows: npt.NDArray[np.intp]) -> Array:
+        return np.where(left_out[rows], 0.0, hypothesis.simulate(z) - measured)
+
+    starts = np.repeat(vector[None, :], _FOLDS, axis=0)
+    refits = minimise(residuals, starts, hypothesis.low, hypothesis.high, iterations=15).parameters
+    return _rms((hypothesis.simulate(refits) - measured)[left_out])
+
+
+def _later(hypothesis: Hypothesis, early: Hypothesis, values: Array) -> list[Array]:
+    """Return each log's part of the values after its beginning."""
+    seen = [len(segment.log.time_s) for segment in early.segments]
+    return [part[n:] for part, n in zip(hypothesis.parts(values), seen, strict=True)]
+
+
+def _rms(error: Array) -> float:
+    return float(np.sqrt(np.mean(error**2)))

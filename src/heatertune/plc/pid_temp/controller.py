@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import ClassVar
+from functools import partial
+from typing import ClassVar, Final
 
 from heatertune.plc.controller import Controller, CoolingSupport
 from heatertune.plc.core import ControllerState
 from heatertune.plc.pid_compact.controller import CORE, COUNTS, DELAY_S, INPUTS, TIMER, UNREAD
-from heatertune.plc.pid_temp.export import (
-    cooling_export_words,
-    cooling_exported,
-    cooling_from_text,
-    export_words,
-    exported,
-    from_text,
-)
+from heatertune.plc.pid_compact.export import LAW, InstructionLaw
+from heatertune.plc.pid_compact.export import export_words as exported_words
+from heatertune.plc.pid_compact.export import loaders as loads_of
+from heatertune.plc.pid_compact.readback import from_text as read_text
 from heatertune.plc.pid_temp.step import (
     COLD,
     COLD_PAIR,
@@ -30,6 +27,8 @@ from heatertune.plc.pid_temp.step import (
 from heatertune.plc.pid_temp.words import (
     COOLING_FIELDS,
     FIELDS,
+    TEMP,
+    TEMP_COOLING,
     consistent,
     cooling_consistent,
     cooling_design_of,
@@ -44,7 +43,20 @@ from heatertune.plc.pid_temp.words import (
 )
 from heatertune.plc.words import Words
 
-__all__ = ["PidTemp", "PidTempCooling"]
+__all__ = [
+    "PidTemp", "PidTempCooling", "cooling_export_words", "cooling_exported", "cooling_from_text", "export_words",
+    "exported", "from_text",
+]
+
+
+export_words: Final = partial(exported_words, TEMP, FIELDS)
+exported: Final = partial(loads_of, TEMP, FIELDS, LAW)
+from_text: Final = partial(read_text, TEMP, FIELDS)
+
+cooling_export_words: Final = partial(exported_words, TEMP_COOLING, COOLING_FIELDS)
+cooling_exported: Final = partial(loads_of, TEMP_COOLING, COOLING_FIELDS, InstructionLaw(COLD_PAIR, pair_of, pair_scan))
+cooling_from_text: Final = partial(read_text, TEMP_COOLING, COOLING_FIELDS)
+
 
 #: as that of heating
 COOLING_CORE = replace(CORE, step=pair_step)
