@@ -61,6 +61,10 @@ _SELECTION = "HEATERTUNE_TESTS"
 _FEW = {"law": 4, "brute": 2}
 
 
+#: tests of a run that says where its time goes, and how many of them it names
+_MANY, _LONGEST = 50, 60
+
+
 def pytest_addoption(parser):
     """Add --all."""
     parser.addoption("--all", action="store_true", help="run every test; the default is a selection that takes three minutes (a path, "
@@ -124,6 +128,51 @@ def pytest_collection_modifyitems(config, items):
     result = yield
     items.sort(key=lambda item: -max((mark.kwargs.get("seconds", 0) for mark in item.iter_markers("long")), default=0))
     return result
+
+
+_PROCESSOR_TIME = pytest.StashKey[dict[str, float]]()
+
+
+def _processor_s():
+    """Return the processor time of this process and of those that it has waited for [s]."""
+    return sum(os.times()[:4])
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item):
+    """Hold when a test begins, fixtures included."""
+    item.stash[_PROCESSOR_TIME] = _processor_s()
+    return (yield)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item, call):
+    """Report the processor time of a test with its end."""
+    report = yield
+    if call.when == "teardown":
+        report.user_properties.append(("processor_s", _processor_s() - item.stash[_PROCESSOR_TIME]))
+    return report
+
+
+_SPENT = {}
+
+
+def pytest_runtest_logreport(report):
+    """Take the processor time of a test, in the process that prints."""
+    if report.when == "teardown":
+        _SPENT[report.nodeid] = dict(report.user_properties).get("processor_s", 0.0)
+
+
+def pytest_terminal_summary(terminalreporter):
+    """Say where the time of a run of all tests goes, in processor time: others on the machine do not count."""
+    if os.environ[_SELECTION] == "short" or len(_SPENT) < _MANY:
+        return
+    folders = Counter()
+    for name, spent in _SPENT.items():
+        folders["/".join(name.split("/")[:2])] += spent
+    terminalreporter.write_sep("=", f"{sum(_SPENT.values()):.0f} s of processor time")
+    for name, spent in [*folders.most_common(), *Counter(_SPENT).most_common(_LONGEST)]:
+        terminalreporter.write_line(f"{spent:7.1f} s {name}")
 
 
 @pytest.fixture(autouse=True)

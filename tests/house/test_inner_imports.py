@@ -23,7 +23,7 @@ OTHERS = {
     **dict.fromkeys((("chain.pipeline", "report"), ("chain.precompile", "report"), ("chain.worker", "report"), ("chain.worker", "report.plots"),
                      ("studio.work", "report")), "it loads matplotlib, which only pictures need"),
     ("chain.precompile", "chain.worker"): "the worker's process imports all that a proof needs, the first process does not",
-    **dict.fromkeys((("chain.stages", "model.fit"), ("chain.stages", "plc.s7_200_paper.laws"),
+    **dict.fromkeys((("chain.stages", "model.fit"), ("chain.stages", "plc.s7_200_paper.step"),
                      ("plc.design", "pid.tune"), ("model.model_document", "model.reduction")),
                     "it loads an optimiser or compiles, and what is read or proven needs neither"),
     **dict.fromkeys((("doctor", "log"), ("doctor", "log.log_values"), ("doctor", "compiled")), "it may be what is broken"),

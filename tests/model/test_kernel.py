@@ -3,10 +3,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from heatertune.plc.s7_200_paper.laws import LAWS
 from scipy.integrate import solve_ivp
 
 from heatertune.model.temperature.closed_loop import simulate_many
+from heatertune.plc.s7_200_paper.step import LAWS
 
 
 def _loop(law, plant, constants, setpoints, h, readings, event_s=np.inf, at=0, columns=None):

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from heatertune.plc.s7_200_paper.laws import LAWS
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
@@ -11,6 +10,7 @@ from heatertune.log.read import log_of
 from heatertune.model.least_squares import minimise
 from heatertune.model.temperature.closed_loop import Hypothesis, LogSegment
 from heatertune.model.temperature.fit_temperature import _able, _best_of, residuals_of
+from heatertune.plc.s7_200_paper.step import LAWS
 
 TIME = np.linspace(0.0, 5.0, 40)
 LOW, HIGH = np.array([0.1, 0.1, -1.0]), np.array([10.0, 5.0, 1.0])

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from heatertune.plc.s7_200_paper.laws import LAWS
 
 from heatertune.codec import to_json
 from heatertune.errors import InputError, OutOfRange
@@ -16,6 +15,7 @@ from heatertune.model.outliers import disturbance_s
 from heatertune.model.temperature.fit_temperature import pool_candidates
 from heatertune.pid.sampled_loop import margins
 from heatertune.pid.tune import tune
+from heatertune.plc.s7_200_paper.step import LAWS
 
 pytestmark = pytest.mark.long
 

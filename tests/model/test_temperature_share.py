@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from heatertune.plc.s7_200_paper.laws import LAWS
 
 from heatertune.log.log_values import Log
 from heatertune.model.fit import fit, fit_together
 from heatertune.model.temperature.closed_loop import Hypothesis, LogSegment
+from heatertune.plc.s7_200_paper.step import LAWS
 
 ROOM = 20.0
 
