@@ -115,3 +115,11 @@ def test_trdom_of_a_first_order_closed_loop_is_its_time_constant():
     lam = 80.0
     design = _design(200.0 / (0.5 * lam), 200.0, ta=0.2)
     assert dominant_time_s(plant, design) == pytest.approx(lam, rel=0.01)
+
+
+def test_python_control_judges_a_loop_of_many_samples_of_dead_time():
+    """Its own `poles` lie at 1.38 here, from 84 zeros at 0; the roots of its polynomial, inside."""
+    plant = Fopdt(gain_degC_per_pct=2.6, time_constant_s=3550.0, dead_time_s=5461.0, ambient_degC=22.0)
+    design = PidDesign(gain_pct_per_degC=0.26, integral_time_s=6337.0, derivative_time_s=0.0, sample_time_s=65.5, structure="pi",
+                       method="", derivative_filter=0.0)
+    assert margins(plant, design).ms == pytest.approx(control_margins(plant, design).ms, rel=1e-4)

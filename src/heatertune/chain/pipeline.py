@@ -6,9 +6,11 @@ a log with a measured disturbance, compared with plain feedback).
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -16,7 +18,8 @@ import numpy as np
 
 from heatertune import cache
 from heatertune.chain.documents import log_document, read_documents, words_document
-from heatertune.chain.precompile import Worker, work_alongside
+from heatertune.chain.precompile import OPINION, Worker, work_alongside
+from heatertune.chain.second_opinion import SECOND_OPINION_SCHEMA, SecondOpinion, disagreement
 from heatertune.chain.stages import export, fit
 from heatertune.codec import DATA, Document, data_folder, decode, encode, plain, read_document, to_json
 from heatertune.commissioned import RECORD_SCHEMA, AsLeftSettings, RecordSettings
@@ -32,6 +35,7 @@ from heatertune.options import Keywords, merge_options, split_options, with_opti
 from heatertune.pid import design_document as pid_document
 from heatertune.pid.design_document import DesignProvenance
 from heatertune.pid.design_values import PidDesign
+from heatertune.pid.tune import stated_problem
 from heatertune.plc import Scaling, Words, controller_for
 from heatertune.plc.design import loop_fit, stated_scaling
 from heatertune.plc.feed_forward import feed_forward as line_for
@@ -45,7 +49,7 @@ from heatertune.proof.design_request import DesignRequest, DesignResult
 from heatertune.proof.difference import WRITTEN_SCHEMA, WriteHistory
 from heatertune.proof.feed_forward_check import FeedForwardProof, PlainLoop, prove_feed_forward
 from heatertune.proof.heaters import holding_heaters
-from heatertune.proof.pictures import pictures, robustness
+from heatertune.proof.pictures import pictures, proven_heaters, robustness
 from heatertune.proof.proof_document import ComparisonView, ProofView, check_document
 from heatertune.proof.prove_words import every_setpoint
 from heatertune.proof.redesign.on_samples import closed_on_samples
@@ -106,7 +110,8 @@ def related_documents(directory: str | Path, proof: Document) -> dict[str, dict[
     """
     folder, found = data_folder(directory), {}
     for name, schema, kind in (("as_left", AS_LEFT_SCHEMA, AsLeft), ("written", WRITTEN_SCHEMA, WriteHistory),
-                               ("record", RECORD_SCHEMA, RecordSettings)):
+                               ("record", RECORD_SCHEMA, RecordSettings),
+                               ("second_opinion", SECOND_OPINION_SCHEMA, SecondOpinion)):
         path = folder / f"{name}.json"
         if path.exists():
             document = read_document(path, schema)
@@ -119,8 +124,8 @@ def related_documents(directory: str | Path, proof: Document) -> dict[str, dict[
 def files_of(directory: str | Path, documents: Mapping[str, Document]) -> dict[str, str]:
     """Return the additional files of a design, name → content."""
     folder = data_folder(directory).relative_to(directory)
-    return {str(folder / f"{name}.json"): to_json(documents[name]) for name in ("as_left", "written", "record")
-            if name in documents}
+    return {str(folder / f"{name}.json"): to_json(documents[name])
+            for name in ("as_left", "written", "record", "second_opinion") if name in documents}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -267,14 +272,32 @@ def design(
         second.draw(_found(log, fitted), "log")
         found = closed_on_samples(fitted, request, progress=progress, stage=lambda name: progress(_told(name)))
         progress(_told("report"))
+        second.draw(_asked_of_libraries(fitted, found, request), OPINION)
         files, documents = _shown(log, fitted, found, force, second)
-        result = replace(found, proof=as_exported(found.proof))  # while the pictures are drawn
+        proof = as_exported(found.proof)  # while the pictures are drawn
+        opinion = decode(SecondOpinion, json.loads(second.answer(OPINION)), OPINION)
+        result = replace(found, proof=proof.with_findings(disagreement(opinion)))
         if result.proof.diagnostics != found.proof.diagnostics:
             files, documents = _shown(log, fitted, result, force, second)
+        documents["second_opinion"] = encode(replace(opinion, digest=documents["proof"]["digest"]))
         documents = _with_comparison(documents, log, fitted, result.ideal, result.proof, second)
         if out is not None:
             _write(documents, files, out, second)
         return ChainResult(log=log, fitted_model=fitted, outcome=result, files=files, documents=documents)
+
+
+def _asked_of_libraries(fitted: FittedModel, result: DesignResult, request: DesignRequest) -> dict[str, Any]:
+    """Return the arguments of `second_opinion`."""
+    ideal, words, controller = result.ideal, result.proof.words, controller_for(request.target)
+    in_loop = loop_fit(fitted, request.target, words.scaling)
+    problem = None
+    if ideal.gain_pct_per_degC > 0.0 and ideal.sample_time_s > 0.0:
+        problem = replace(stated_problem(in_loop, request.tune_settings, ideal.sample_time_s),
+                          derivative_filter=ideal.derivative_filter, step_power=ideal.step_power_limit_pct_per_degC)
+        if controller.most_gain is not None:
+            problem = replace(problem, most_gain=partial(controller.most_gain, words.scaling))
+    return {"words_design": result.proof.design, "heaters": proven_heaters(fitted, result.proof), "ideal": ideal,
+            "problem": problem, "is_optimum": ideal.method.startswith("optimum") and ideal.promise is None}
 
 
 def _requested(request: DesignRequest | None, keywords: Keywords) -> DesignRequest:

@@ -24,16 +24,20 @@ from time import monotonic
 from typing import IO, Any, Final, NamedTuple
 
 from heatertune.cache import folder
-from heatertune.codec import Document
+from heatertune.codec import encode
 from heatertune.compiled import is_kept, machine_code, made_beside
 from heatertune.processors import processors
 
-__all__ = ["Worker", "work_alongside"]
+__all__ = ["OPINION", "Worker", "text_for", "work_alongside"]
+
+#: what is requested beside the sections of the report
+OPINION: Final = "second opinion"
 
 _PATIENCE_S: Final = 60.0  # after a longer wait, a process compiles by itself
 _PATIENCE_FOR_PICTURES_S: Final = 10.0  # likewise
 
-_Documents = Mapping[str, Document]
+#: documents by their names, or arguments of the second opinion by theirs
+_Documents = Mapping[str, Any]
 
 
 class _Asked(NamedTuple):
@@ -65,6 +69,15 @@ class Worker:
         self._asked = {**self._asked, name: asked}
         self._send(_write_on, (asked.request, asked.documents, name), [asked.drawn])
 
+    def answer(self, name: str) -> str:
+        """Return one of what was requested, as soon as it is there; after a longer wait it is made here."""
+        asked = self._asked[name]
+        asked.drawn.wait(_PATIENCE_FOR_PICTURES_S)
+        if (asked.request, name) not in self._drawn:
+            self._draw(name)
+        self._asked = {other: each for other, each in self._asked.items() if other != name}
+        return self._drawn[asked.request, name]
+
     def sections(self) -> dict[str, str]:
         """Return the drawn sections; wait for outstanding ones, or draw the last of them here."""
         until = monotonic() + _PATIENCE_FOR_PICTURES_S
@@ -86,11 +99,9 @@ class Worker:
 
     def _draw(self, name: str) -> None:
         """Draw a section here."""
-        from heatertune.report import sections
-
         asked = self._asked[name]
         self._send(_write_on, asked.request, [])
-        self._drawn[asked.request, name] = sections(asked.documents, [name])[name]
+        self._drawn[asked.request, name] = text_for(asked.documents, name)
         asked.drawn.set()
 
     def listen(self, lines: IO[bytes]) -> None:
@@ -147,6 +158,17 @@ def work_alongside(target: str) -> Iterator[Worker]:
         listener.join()
         with suppress(OSError):  # the unread data
             process.communicate()
+
+
+def text_for(documents: _Documents, name: str) -> str:
+    """Return a section of the report, or the second opinion as JSON, of which `documents` are the arguments."""
+    if name == OPINION:
+        from heatertune.chain.second_opinion import second_opinion
+
+        return json.dumps(encode(second_opinion(**documents)))
+    from heatertune.report import sections
+
+    return sections(documents, [name])[name]
 
 
 def _has_drawn() -> bool:

@@ -14,6 +14,7 @@ from queue import SimpleQueue
 from threading import Thread
 from typing import IO, Any, Final
 
+from heatertune.chain.precompile import text_for
 from heatertune.codec import Document
 from heatertune.compiled import decide
 from heatertune.errors import HeatertuneError
@@ -83,13 +84,13 @@ def _work(requests: SimpleQueue[Any], drawn: set[int], compiles: bool) -> None:
         print(json.dumps(target), flush=True)
     if compiles:
         _draw_first()
-    from heatertune.report import sections
-
+    with suppress(ImportError):  # what the second opinion needs, while nothing is asked for
+        import control  # noqa: F401
     documents: Mapping[str, Document]
     while True:
         request, documents, name = requests.get()
         if request not in drawn:
-            print(json.dumps([request, name, sections(documents, [name])[name]]), flush=True)
+            print(json.dumps([request, name, text_for(documents, name)]), flush=True)
 
 
 def _draw_first() -> None:

@@ -132,6 +132,10 @@ KINDS: Final[dict[str, FindingKind]] = {
     "exported-text": FindingKind(
         "blocks", "the exported program behaves differently from what was proven",
         "export with other parameters or another PWM, and report it: this is a fault of heatertune"),
+    "second-opinion": FindingKind(
+        "blocks", "python-control or CasADi calculates something else",
+        "design with other gains (--ms), and report it: this is a fault of heatertune or of that library",
+        by_case=True),
     "alias": FindingKind(
         "blocks", "the power switches faster than it was logged",
         "log the mean power of each interval, or every switching"),

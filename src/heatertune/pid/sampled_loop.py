@@ -384,8 +384,8 @@ def control_margins(model: HeaterModel, design: PidDesign) -> Margins | None:
     omega = np.geomspace(1e-5, math.pi / design.sample_time_s, 4000)
     response = loop(np.exp(1j * omega * design.sample_time_s))
     gain, phase, *_ = control.stability_margins((np.abs(response), np.degrees(np.angle(response)), omega))
-    closed = control.feedback(loop, 1)
-    if float(np.max(np.abs(closed.poles()))) >= 1.0:
+    characteristic = control.feedback(loop, 1).den[0][0]  # its own poles() lose all digits from 80 samples of delay on
+    if float(np.max(np.abs(np.roots(characteristic)))) >= 1.0:
         return Margins(ms=math.inf, mt=math.inf, gain_margin=float(gain), phase_margin_deg=float(phase))
     ms = float(np.max(1.0 / np.abs(1.0 + response)))
     mt = float(np.max(np.abs(response / (1.0 + response))))

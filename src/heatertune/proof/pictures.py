@@ -26,7 +26,7 @@ from heatertune.proof.proof_document import CurveView, OtherRunView, PhaseView, 
 from heatertune.proof.scenario import Scenario, delay_heater, event_name, phases_of
 from heatertune.proof.trace import Trace
 
-__all__ = ["curve_series", "pictures", "robustness", "simulate_wish", "trace_series"]
+__all__ = ["curve_series", "pictures", "proven_heaters", "robustness", "simulate_wish", "trace_series"]
 
 
 _POINTS: Final = 1600
@@ -190,7 +190,7 @@ _CORE: Final = StepFunctions(step=_step, measure=_as_it_is, flags=())
 
 def robustness(fitted: FittedModel, proof: Proof) -> dict[str, Any]:
     """Return what the report draws of the words as realised without a run, a part of `pictures`."""
-    curves = () if proof.design is None else curve_series(proof.design, _models(fitted, proof))
+    curves = () if proof.design is None else curve_series(proof.design, proven_heaters(fitted, proof))
     return {"curves": curves, "ms_limit": proof.limits.ms}
 
 
@@ -200,7 +200,7 @@ def pictures(
     """Return all series that the report draws: the runs, the wish, and what `robustness` gives, or gave."""
     robust = robust or robustness(fitted, proof)
     first_of = {run.model: number for number, run in reversed(list(enumerate(proof.runs)))}
-    models, nominal = _models(fitted, proof), proof.nominal
+    models, nominal = proven_heaters(fitted, proof), proof.nominal
     others = [trace_series(proof.trace(first_of[label]), label) for label, _ in models[1:]]
     wish = simulate_wish(ideal, models[0][1], nominal.scenario, nominal.actuator,
                          ramp_degC_per_min=proof.ramp_degC_per_min, hold_degC=proof.hold_degC, boost=proof.boost)
@@ -213,7 +213,7 @@ def pictures(
     return document
 
 
-def _models(fitted: FittedModel, proof: Proof) -> list[tuple[str, HeaterModel]]:
+def proven_heaters(fitted: FittedModel, proof: Proof) -> list[tuple[str, HeaterModel]]:
     """Return the heaters that a proof ran, as its controller sees them, and their labels."""
     ran, words = {run.model for run in proof.runs}, proof.words
     delay_s = controller_for(words.target).delayed_s(words.scaling)

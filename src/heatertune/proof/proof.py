@@ -8,7 +8,7 @@ sizes for setting tolerance limits", Annals of Mathematical Statistics 12, 1941)
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache as remember
 from functools import partial
@@ -236,6 +236,11 @@ class Proof(NotebookDisplay):
         """
         rated = [run for run in self.runs if run.mains_power is None] or self.runs
         return self.runs.index(rated[_worst(rated)])
+
+    def with_findings(self, findings: Iterable[Finding]) -> Proof:
+        """Return the proof with further findings."""
+        return replace(self, diagnostics=replace(
+            self.diagnostics, findings=(*self.diagnostics.findings, *findings)))
 
     @property
     def verdict(self) -> str:

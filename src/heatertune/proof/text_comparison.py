@@ -67,9 +67,8 @@ def as_exported(proof: Proof) -> Proof:
         return proof
     controller, heard = controller_for(proof.words.target), proof.diagnostics
     if controller.faults is not None and (known := controller.faults(proof.words)):
-        finding = Finding(name="known-faults", message=known[0])
-        heard = replace(heard, findings=(*heard.findings, finding))
-        proof = replace(proof, diagnostics=heard)
+        proof = proof.with_findings([Finding(name="known-faults", message=known[0])])
+        heard = proof.diagnostics
     runs = {proof.runs[run].label: proof.trace(run) for run in dict.fromkeys((0, proof.worst_run))}
     departs, not_run = load_or_compute(
         "text", {"words": repr(proof.words), "known": dict(proof.stated_settings),

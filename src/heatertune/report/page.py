@@ -39,6 +39,7 @@ from heatertune.report.report_text import (
     limit_text,
     main_file,
     model_rows,
+    opinion_rows,
     ramp_note,
     readable_name,
     samples_rows,
@@ -400,6 +401,16 @@ def _span(name: str, column: Sequence[float] | None, unit: str) -> list[str]:
     return [name, span, unit]
 
 
+def _second_opinion(documents: Documents) -> str:
+    opinion = documents.get("second_opinion")
+    if opinion is None:
+        return ""
+    rows = opinion_rows(opinion)
+    compared = table(["", "heatertune", "the library", "allowed difference", "by"], rows, numeric=(1, 2, 3),
+                     source=f"{opinion['heater']}; the optimum: all models") if rows else ""
+    return f"<h2>Second opinion</h2>{compared}{bullets(opinion['notes'])}"
+
+
 def _model(documents: Documents) -> str:
     model = documents["model"]
     parameters = table(["", "value", "95 % interval", "unit"], model_rows(model), numeric=(1,),
@@ -562,5 +573,6 @@ def _comparison(documents: Documents) -> str:
 
 _APPENDIX: Mapping[str, Callable[[Documents], str]] = {
     "specification": specification, "proof": _proof, "limits": limits, "remedies": remedies, "design": _design,
+    "second_opinion": _second_opinion,
     "model": _model, "log": _log, "assumed": assumption_text, "comparison": _comparison,
 }

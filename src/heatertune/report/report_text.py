@@ -23,8 +23,8 @@ from heatertune.units import NOMENCLATURE, written
 __all__ = [
     "NOT_IDENTIFIED", "advice_table", "alternatives_table", "criteria_table", "criterion_value", "design_lines",
     "difference_lines", "feed_forward_lines", "figure", "forms_lines", "holder", "hypothesis_rows",
-    "hypothesis_table", "keyed_entries", "limit_text", "main_file", "model_lines", "model_rows", "outcome_lines",
-    "pareto_table", "plan_csv", "plan_lines", "quantity", "ramp_note", "readable_name", "samples_rows",
+    "hypothesis_table", "keyed_entries", "limit_text", "main_file", "model_lines", "model_rows", "opinion_rows",
+    "outcome_lines", "pareto_table", "plan_csv", "plan_lines", "quantity", "ramp_note", "readable_name", "samples_rows",
     "samples_table", "search_notes", "setpoint_text", "summary", "unit_text", "validation_lines", "words_table",
 ]
 
@@ -139,6 +139,20 @@ def design_lines(design: Document) -> str:
     ]
     lines = [table(rows), f"{design['structure'].upper()}, {design['method']}"]
     return "\n".join(lines + [f"- {note}" for note in design.get("notes", ())])
+
+
+def opinion_rows(opinion: Document) -> list[list[str]]:
+    """Return quantity, figure of heatertune and of the library, allowed difference, and which library it is."""
+    figures = ("value", "library_value", "tolerance")
+    return [[row["quantity"], *("∞" if row[name] is None else figure(row[name], 5) for name in figures),
+             row["library"] if row["agrees"] else f"{row['library']}: DISAGREES"] for row in opinion["rows"]]
+
+
+def opinion_lines(opinion: Document) -> str:
+    """Return what python-control and CasADi say, beside what heatertune says."""
+    rows = [["", "heatertune", "the library", "allowed", "by"], *opinion_rows(opinion)]
+    return "\n".join([*([table(rows, right=(1, 2, 3))] if opinion["rows"] else []),
+                      *(f"- {note}" for note in opinion["notes"])])
 
 
 def forms_lines(forms: Document) -> str:
@@ -338,6 +352,7 @@ def summary(documents: Mapping[str, Document]) -> str:
         ("design", design_lines(pid)),
         (f"words for {words['target']}", words_table(words)),
         ("proof", criteria_table(proof)),
+        *([("second opinion", opinion_lines(documents["second_opinion"]))] if "second_opinion" in documents else []),
         *([("drawn heaters", "\n".join(drawn))] if (drawn := samples_table(proof)) else []),
     ]
     comparison = documents["comparison"]

@@ -39,7 +39,9 @@ from heatertune.pid.sampled_loop import (
 )
 from heatertune.pid.specs import ROOM, Specs
 
-__all__ = ["NonlinearProgram", "Problem", "keeps", "largest_gain", "nonlinear_program", "polish", "search"]
+__all__ = [
+    "NonlinearProgram", "Problem", "keeps", "largest_gain", "nonlinear_program", "on_the_limit", "polish", "search",
+]
 
 
 _PIECES: Final = 4  # stable pieces tried, from the top
@@ -343,7 +345,9 @@ def polish(problem: Problem, start: PidDesign) -> tuple[PidDesign, str]:
     answer, status = program.run_ipopt(program.cost, [])
     if status not in _SOLVED:
         return start, f"IPOPT stopped with {status}; the result of the feasible-set search is used."
-    polished = _on_the_limit(problem, start, answer)
+    gain, integral, *derivative = map(float, np.exp(answer))
+    polished = on_the_limit(problem, replace(start, gain_pct_per_degC=gain, integral_time_s=integral,
+                                             derivative_time_s=derivative[0] if derivative else 0.0))
     if not keeps(problem, polished):
         return start, "IPOPT ended at infeasible gains; the result of the feasible-set search is used."
     change = 100.0 * (program.cost_at(answer) / program.cost_at(program.start) - 1.0)
@@ -556,12 +560,9 @@ def _distances(ca: Any, plant: SampledPlant, settings: Any, omega: Any, problem:
     return ca.vertcat(*kept)
 
 
-def _on_the_limit(problem: Problem, start: PidDesign, answer: Any) -> PidDesign:
+def on_the_limit(problem: Problem, design: PidDesign) -> PidDesign:
     """Return IPOPT's design; K is put on the exact limit where the coarse frequencies let it slip past."""
-    tn = float(np.exp(answer[1]))
-    tv = float(np.exp(answer[2])) if problem.structure == "pid" else 0.0
-    gain = float(np.exp(answer[0]))
-    tops = [top for top in largest_gain(problem, tn, tv) if math.isfinite(top)]
-    near = [top for top in tops if gain <= 1.2 * top]
-    gain = min([gain, *near[-1:]])
-    return replace(start, gain_pct_per_degC=gain, integral_time_s=tn, derivative_time_s=tv)
+    gain = design.gain_pct_per_degC
+    tops = largest_gain(problem, design.integral_time_s, design.derivative_time_s)
+    near = [top for top in tops if math.isfinite(top) and gain <= 1.2 * top]
+    return replace(design, gain_pct_per_degC=min([gain, *near[-1:]]))

@@ -1,0 +1,181 @@
+"""What python-control and CasADi say of a design: margins and step response of its sampled loop, and the optimum.
+
+python-control works with polynomials in z, heatertune with the exact heater from sample to sample and with a grid of
+frequencies. IPOPT minimises the same cost under the same limits from another start.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from heatertune.codec import OrInfinite, register_schema
+from heatertune.errors import HeatertuneError
+from heatertune.model.findings import Finding
+from heatertune.model.model_values import HeaterModel
+from heatertune.pid.design_values import PidDesign
+from heatertune.pid.sampled_loop import (
+    MOST_DELAY,
+    control_margins,
+    horizon,
+    loop_transfer_function,
+    margins,
+    respond,
+    sample_plant,
+)
+from heatertune.pid.search.feasible import Problem, keeps, nonlinear_program, on_the_limit
+from heatertune.units import written
+
+__all__ = ["SECOND_OPINION_SCHEMA", "OpinionRow", "SecondOpinion", "disagreement", "second_opinion"]
+
+SECOND_OPINION_SCHEMA: Final = "heatertune/second-opinion/1"
+
+_LIBRARY: Final = "python-control"
+#: relative difference allowed of Ms, Mt and gain margin, which each side finds on its own grid of frequencies
+_OF_PEAKS: Final = 0.01
+_OF_PHASE_DEG: Final = 1.0
+#: of the setpoint's step: python-control's polynomials lose digits with each sample of dead time
+_OF_STEP: Final = 1e-3
+#: by how much IPOPT's cost may be lower: its start is another one, and it rounds the corner of |e|
+_OF_COST: Final = 0.05
+#: IPOPT begins with this share of the gain, which is within every limit that a higher one keeps
+_BEGIN: Final = 0.8
+_MOST_SAMPLES: Final = 2000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OpinionRow:
+    """One figure by both.
+
+    Attributes:
+        quantity: what it is, with its unit.
+        library: which calculated the other one.
+        value: by heatertune.
+        library_value: by the library.
+        tolerance: allowed difference, in the unit of the figure.
+        agrees: whether they are that near, or both infinite.
+    """
+
+    quantity: str
+    library: str
+    value: OrInfinite
+    library_value: OrInfinite
+    tolerance: OrInfinite
+    agrees: bool
+
+
+@register_schema(SECOND_OPINION_SCHEMA)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SecondOpinion:
+    """The figures side by side.
+
+    Attributes:
+        digest: of the proof; empty: none yet.
+        heater: label of the plausible heater with the largest Ms, on which the loop is compared.
+        rows: the figures.
+        notes: what was not compared and why, and what IPOPT found, one sentence each.
+    """
+
+    digest: str = ""
+    heater: str = ""
+    rows: tuple[OpinionRow, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+def second_opinion(
+    words_design: PidDesign | None, heaters: Sequence[tuple[str, HeaterModel]], ideal: PidDesign,
+    problem: Problem | None, *, is_optimum: bool,
+) -> SecondOpinion:
+    """Return what the libraries say of a design and of its rounding.
+
+    Args:
+        words_design: design that the words realise; None: they are no PID.
+        heaters: label and heater that the proof ran, as the controller sees it.
+        ideal: design before rounding.
+        problem: behind its optimum; None: there is none, as of a cooler.
+        is_optimum: whether the design is that optimum, and not a rule's or one that the search has changed.
+    """
+    if words_design is None or words_design.sample_time_s == 0.0:
+        loop = SecondOpinion(notes=(f"Not compared with {_LIBRARY}: the controller is no sampled PID.",))
+    else:
+        loop = _of_loop(words_design, heaters)
+    if problem is None:
+        return loop
+    try:
+        rows, notes = _of_optimum(ideal, problem, is_optimum=is_optimum)
+    except HeatertuneError as reason:
+        rows, notes = [], [f"Not compared with CasADi: {reason}."]
+    return replace(loop, rows=(*loop.rows, *rows), notes=(*loop.notes, *notes))
+
+
+def disagreement(opinion: SecondOpinion) -> tuple[Finding, ...]:
+    """Return the finding that leaves parameters unproven where two programs disagree; nothing where they agree."""
+    return tuple(
+        Finding(name="second-opinion", message=(
+            f"{row.library} calculates {row.quantity} = {row.library_value:.5g}, heatertune {row.value:.5g}; they may "
+            f"differ by {written(row.tolerance)}."))
+        for row in opinion.rows if not row.agrees)[:1]
+
+
+def _of_loop(design: PidDesign, heaters: Sequence[tuple[str, HeaterModel]]) -> SecondOpinion:
+    label, heater = max(heaters, key=lambda each: margins(each[1], design).ms)
+    if (delay := sample_plant(heater, design.sample_time_s).delay) > MOST_DELAY:
+        return SecondOpinion(heater=label, notes=(
+            f"Not compared with {_LIBRARY}: the dead time spans {delay} samples, too many for its polynomials.",))
+    own, other = margins(heater, design), control_margins(heater, design)
+    assert other is not None
+    rows = [_row("Ms", own.ms, other.ms, _OF_PEAKS * own.ms), _row("Mt", own.mt, other.mt, _OF_PEAKS * own.mt),
+            _row("phase margin [°]", own.phase_margin_deg, other.phase_margin_deg, _OF_PHASE_DEG)]
+    if math.isfinite(other.gain_margin):  # it does not look at half the sampling frequency
+        rows.insert(2, _row("gain margin", own.gain_margin, other.gain_margin, _OF_PEAKS * own.gain_margin))
+    if other.stable:
+        rows.append(_step(heater, design))
+    return SecondOpinion(heater=label, rows=tuple(rows))
+
+
+def _step(heater: HeaterModel, design: PidDesign) -> OpinionRow:
+    """Return the highest value after a unit step of the setpoint, by both."""
+    import control
+
+    samples = min(horizon(heater, design), _MOST_SAMPLES)
+    closed = control.feedback(loop_transfer_function(heater, design), 1)
+    times = np.arange(samples) * design.sample_time_s
+    response = control.step_response(closed, T=times).outputs
+    own = respond(heater, design, samples, setpoint_degC=1.0)
+    return _row("highest value of the setpoint's step", float(np.max(own)), float(np.max(response)), _OF_STEP)
+
+
+def _of_optimum(ideal: PidDesign, problem: Problem, *, is_optimum: bool) -> tuple[list[OpinionRow], list[str]]:
+    """Return the cost of the design and of IPOPT's optimum, both by CasADi, and a sentence about the latter.
+
+    A design that is the optimum may not cost more; one that the search has changed, so that its proof passes, may.
+    """
+    program = nonlinear_program(problem, replace(ideal, gain_pct_per_degC=_BEGIN * ideal.gain_pct_per_degC))
+    best = on_the_limit(problem, program.solve())
+    cost, best_cost = (program.cost_at(np.log(list(_unknowns(design)))) for design in (ideal, best))
+    if not keeps(problem, best):
+        return [], ["Not compared with CasADi: IPOPT ended at gains outside of the limits."]
+    found = (f"IPOPT's optimum within the same limits, from {_BEGIN:g} times the gain: K {best.gain_pct_per_degC:.4g} "
+             f"%/°C, TN {best.integral_time_s:.4g} s, TV {best.derivative_time_s:.4g} s.")
+    if not is_optimum:
+        return [], [f"{found} Its cost ({problem.objective}) is {best_cost / cost:.3g} times that of the design, which "
+                    "is no optimum: a rule made it, or the search changed it so that its proof passes."]
+    row = OpinionRow(quantity=f"cost of the optimum ({problem.objective})", library="CasADi (IPOPT)", value=cost,
+                     library_value=best_cost, tolerance=_OF_COST * cost, agrees=best_cost >= (1.0 - _OF_COST) * cost)
+    return [row], [found]
+
+
+def _unknowns(design: PidDesign) -> Iterator[float]:
+    yield from (design.gain_pct_per_degC, design.integral_time_s)
+    if design.structure == "pid":
+        yield design.derivative_time_s
+
+
+def _row(quantity: str, value: float, library_value: float, tolerance: float) -> OpinionRow:
+    agrees = value == library_value or abs(value - library_value) <= tolerance
+    return OpinionRow(quantity=quantity, library=_LIBRARY, value=value, library_value=library_value,
+                      tolerance=tolerance, agrees=agrees)
