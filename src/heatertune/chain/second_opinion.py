@@ -122,7 +122,7 @@ def disagreement(opinion: SecondOpinion) -> tuple[Finding, ...]:
 
 
 def _of_loop(design: PidDesign, heaters: Sequence[tuple[str, HeaterModel]]) -> SecondOpinion:
-    label, heater = max(heaters, key=lambda each: margins(each[1], design).ms)
+    label, heater = max(heaters, key=lambda labelled: margins(labelled[1], design).ms)
     if (delay := sample_plant(heater, design.sample_time_s).delay) > MOST_DELAY:
         return SecondOpinion(heater=label, notes=(
             f"Not compared with {_LIBRARY}: the dead time spans {delay} samples, too many for its polynomials.",))
