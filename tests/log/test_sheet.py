@@ -135,7 +135,7 @@ def test_a_power_that_its_file_samples_is_held_and_may_have_changed_since_the_sa
     log = read_log(temperature, power_log=str(power))
     # rows of 2 s; the power is 10 % for one sample of 20 s in seven, the first at 0 s
     assert log.power_pct.tolist() == [10.0 if (t // 20) % 7 == 0 else 40.0 for t in log.time_s]
-    assert log.power_late_s == 20.0
+    assert log.signals["power"].late_s == 20.0
 
 
 def test_a_bad_power_of_a_long_table_is_told_with_its_own_line():

@@ -288,7 +288,7 @@ def _restarts(time: Array) -> list[int]:
 
 
 def no_readings(
-    sheet: Sheet, columns: Columns, raw: Array, time: Array, repairs: list[str], *,
+    sheet: Sheet, columns: Columns, raw: Array, time: Array, repairs: list[str], *, edges: Mask,
     moves: Mask | None = None, skip_empty: bool = False
 ) -> Mask:
     """Return a mask of the rows without a valid temperature, shape (n,), and list them in the repairs.
@@ -300,20 +300,21 @@ def no_readings(
             sensor.
         time: of each row, shape (n,) [s].
         repairs: list to which omitted rows are added.
+        edges: the rows that are there for another power alone, and are no readings, shape (n,).
         moves: the rows in which the power moves, shape (n,); None if it is not logged.
         skip_empty: whether the user accepts any number of rows without a reading.
 
     Raises:
         LogError: more than a tenth of the rows are lost.
     """
-    empty = np.isnan(raw)
+    empty = np.isnan(raw) & ~edges
     is_open = _is_open(raw)
-    kept = np.flatnonzero(~(empty | is_open))
+    kept = np.flatnonzero(~(empty | is_open | edges))
     stuck = np.zeros_like(empty)
     stuck[kept[_stuck(raw[kept], time[kept])]] = True
     lost = empty | is_open | stuck
     loose = np.zeros_like(lost)
-    kept = np.flatnonzero(~lost)
+    kept = np.flatnonzero(~(lost | edges))
     if moves is not None:
         loose[kept[_loose(raw[kept], time[kept], moves[kept])]] = True
     lost |= loose
@@ -325,10 +326,10 @@ def no_readings(
         raise cell_error(sheet, columns, "temperature", row, problem, "a log with a reading in nine rows of ten" + (
             " (--skip-empty leaves out those without one)" if np.any(refused & empty) else ""))
     spikes = np.zeros_like(lost)
-    kept = np.flatnonzero(~lost)
+    kept = np.flatnonzero(~(lost | edges))
     spikes[kept[_spikes(raw[kept])]] = True
     ends = np.zeros_like(lost)
-    kept = np.flatnonzero(~(lost | spikes))
+    kept = np.flatnonzero(~(lost | spikes | edges))
     ends[kept[_wild_ends(raw[kept], time[kept])]] = True
     kinds = ((empty, "without a reading"), (is_open, "with an open sensor's reading"),
              (stuck, _FAR_VALUE),

@@ -24,7 +24,7 @@ from heatertune.log.sheet import CellColumn, Sheet
 from heatertune.units import count
 
 __all__ = [
-    "OnChange", "RestoredRows", "at_edges", "differs", "good_rows", "is_quality", "on_change", "spread",
+    "OnChange", "RestoredRows", "differs", "good_rows", "is_quality", "on_change", "spread",
     "without_blank_power",
 ]
 
@@ -145,30 +145,6 @@ def on_change(time: Array, readings: Array) -> OnChange | None:
     levels = readings / smallest
     rounded = float(np.mean(np.abs(levels - np.round(levels)) < 0.05)) > 0.9
     return OnChange(interval, smallest, rounded)
-
-
-def at_edges(time: Array, readings: Array, empty: Mask) -> Array:
-    """Return the readings with missing ones interpolated between their neighbours, shape (n,).
-
-    If readings are written on change, the last one is held until one interval before the next.
-
-    Args:
-        time: of each row, shape (n,) [s].
-        readings: shape (n,), NaN if missing.
-        empty: the rows to fill, shape (n,).
-    """
-    known = np.flatnonzero(~np.isnan(readings))
-    if not len(known) or not np.any(empty):
-        return readings
-    filled = readings.copy()
-    rows = np.flatnonzero(empty & (np.arange(len(time)) > known[0]) & (np.arange(len(time)) < known[-1]))
-    at, values = time[known], readings[known]
-    if (written := on_change(at, values)) is not None:
-        long = np.flatnonzero(np.diff(at) > _LONG * written.interval_s)
-        stood_until = at[long + 1] - written.interval_s
-        at, values = np.insert(at, long + 1, stood_until), np.insert(values, long + 1, values[long])
-    filled[rows] = np.interp(time[rows], at, values)
-    return filled
 
 
 def spread(time: Array, readings: Array, written: OnChange, breaks: Array) -> RestoredRows:

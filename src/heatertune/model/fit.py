@@ -161,7 +161,7 @@ def _swings_by_rows(log: Log) -> bool:
 def _with_switchings(log: Log, fitted: FittedModel, bounds: Bounds | None) -> FittedModel:
     """Return the fit of a power that switches between rows instead, if it explains the log better."""
     best = fitted.candidates[0]  # the working model: where two lags explain the log better, it is not that
-    switched = fit_logged_switchings(log, fitted.model.dead_time_s, ambient_degC=bounds)
+    switched = fit_logged_switchings(log.on_one_clock(), fitted.model.dead_time_s, ambient_degC=bounds)
     if switched is None or not switched.explains or not switched.is_better(best.rmse_degC, len(log.time_s)):
         return fitted
     kept = tuple(finding for finding in fitted.findings if finding.name in ("one-level", "alias"))
@@ -478,9 +478,9 @@ def _nearest_end(explanation: Explanation, ambient_degC: Bounds) -> float | None
 
 def _demand_excitation(log: Log, ambient_degC: float | None) -> None:
     """Refuse constant power: gain and ambient, and step response and initial state, would be indistinguishable."""
-    assert log.power_pct is not None
-    if float(np.ptp(log.power_pct)) == 0.0 and ambient_degC is None:
+    power = log.signals["power"].values
+    if float(np.ptp(power)) == 0.0 and ambient_degC is None:
         raise InputError(
-            f"{log.name}: {FitOutcome.NO_POWER_CHANGE.value} The power is {log.power_pct[0]:g} % throughout; "
+            f"{log.name}: {FitOutcome.NO_POWER_CHANGE.value} The power is {power[0]:g} % throughout; "
             "or give --ambient, the temperature without power"
         )

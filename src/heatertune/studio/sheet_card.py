@@ -337,7 +337,7 @@ def _assuming(log: Log, assumed: SheetAssumptions) -> Log:
     if assumed.power_pct is None or log.power_pct is not None:
         return log
     told = f"The power is not in the file; taken as {assumed.power_pct:g} % throughout, as you say."
-    return replace(log, power_pct=np.full(len(log.time_s), assumed.power_pct), repairs=(*log.repairs, told))
+    return replace(log, repairs=(*log.repairs, told)).with_rows(power_pct=np.full(len(log.time_s), assumed.power_pct))
 
 
 def _reading(sheet: Sheet, settings: ReadSettings) -> dict[str, Any]:

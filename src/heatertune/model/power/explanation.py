@@ -185,11 +185,7 @@ def jumps(record: Array, simulated: Array) -> Places:
 
 def part(log: Log, rows: npt.NDArray[np.bool_]) -> Log:
     """Return those of a log's readings that the mask `rows`, shape (n,), takes."""
-    setpoint, power = log.setpoint_degC, log.power_pct
-    return replace(
-        log, time_s=log.time_s[rows], temperature_degC=log.temperature_degC[rows],
-        power_pct=None if power is None else power[rows], setpoint_degC=None if setpoint is None else setpoint[rows],
-    )
+    return log.part(rows)
 
 
 def _apart(left: Array, place: int) -> float:
