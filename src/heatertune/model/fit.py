@@ -99,7 +99,7 @@ def fit(
             fitted = _with_switchings(used, with_loss(fit_one(used), loss), bounds)
             fitted = with_relay(used, fitted, ambient_degC=_single(bounds))
         else:
-            fitted, used = fit_two_way(used, fit_one)
+            fitted, (used,) = fit_two_way([used], lambda logs: fit_one(logs[0]))
         loop = loop_remarks(used)
         fitted = _with_better_order(fitted) if loop else fitted
         notes += side_notes
@@ -317,7 +317,11 @@ def fit_together(
         raise InputError(f"{', '.join(names)}: the same log twice adds nothing; name different ones")
     progress(f"fitting one heater to {' and '.join(names)}")
     if powered:
-        fitted = _together(parts, bounds, given.power_before_pct, seed, delays)
+        fit_all = partial(_together, bounds=bounds, power_before_pct=given.power_before_pct, seed=seed, delays=delays)
+        if any("cooling" in log.signals for log in parts):
+            fitted, parts = fit_two_way(parts, fit_all)
+        else:
+            fitted = fit_all(parts)
     else:
         for log in logs:
             _demand_laws(log, laws)
@@ -403,7 +407,6 @@ def _refuse_disturbance(log: Log) -> None:
     if log.disturbance is not None:
         raise InputError(f"{log.name}: the effect of a disturbance can only be fitted from a single log that contains "
                          "the power; leave it out with --disturbance-column none, or log the power")
-    log.demand_heater_alone("which can only be fitted from a single log: fit it separately")
 
 
 def _demand_laws(log: Log, laws: Sequence[ControllerLaw]) -> None:

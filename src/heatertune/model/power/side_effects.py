@@ -238,31 +238,69 @@ def in_its_room(log: Log, bounds: Bounds | None) -> tuple[Log, Bounds | None, tu
     return log, (low - _SENSOR_DEGC, high + _SENSOR_DEGC), (f"{notes}.",)
 
 
-def fit_two_way(log: Log, fit_one: Callable[[Log], FittedModel]) -> tuple[FittedModel, Log]:
-    """Return the heater of a log with a cooler, and the log with one power, below 0 where it cools.
+def fit_two_way(
+    logs: Sequence[Log], fit_all: Callable[[Sequence[Log]], FittedModel]
+) -> tuple[FittedModel, list[Log]]:
+    """Return the heater of logs of which some hold a cooler, and the logs with one power, below 0 where it cools.
 
     The heater is fitted with the best cooling gain and with both ends of its interval; its intervals hold all three.
+    Logs of one heater have one cooler.
 
     Raises:
-        InputError: as `cooling_effect`.
+        InputError: as `cooling_effect`; coolers that differ, or one of several logs that multiplies the heat loss.
     """
-    assert log.cooling_pct is not None
-    alone, cooler = log.with_rows(cooling_pct=None), log.signals["cooling"]
-    effect, multiplied = cooling_effect(log), without_loss(alone, "the cooler", cooler)
-    if multiplied is not None:
-        still, loss = multiplied
-        fitted = fit_one(still)
-        effect = _as_power(effect, loss, fitted, log.temperature_degC[log.cooling_pct > 0.0])
-        return _with_cooling(with_loss(fitted, loss), log, effect), still
-    shifted = log if effect.at_once else replace(
-        log, signals=dict(log.signals) | {"cooling": _earlier(cooler, effect.lead_s)})
+    cooled = [log for log in logs if "cooling" in log.signals]
+    effects = [cooling_effect(log) for log in cooled]
+    lossy = [without_loss(log.with_rows(cooling_pct=None), "the cooler", log.signals["cooling"]) for log in cooled]
+    for log, multiplied in zip(cooled, lossy, strict=True):
+        if multiplied is not None and len(logs) > 1:
+            raise InputError(f"{log.name}: the cooler multiplies the heat loss, which can only be fitted from a single "
+                             "log: fit it separately")
+        if multiplied is not None:
+            still, loss = multiplied
+            fitted = fit_all([still])
+            cools = log.signals["cooling"].at(log.time_s) > 0.0
+            effect = _as_power(effects[0], loss, fitted, log.temperature_degC[cools])
+            return _with_cooling(with_loss(fitted, loss), cooled, effect), [still]
+    effect, leads_s = _of_all(cooled, effects), {id(log): 0.0 if each.at_once else each.lead_s
+                                                 for log, each in zip(cooled, effects, strict=True)}
     gains = (effect.cooling_gain, *effect.cooling_gain_ci95)
-    middle, *ends = (shifted.with_net_power(max(gain, 0.0)) for gain in gains)
-    fitted, others = fit_one(middle), [fit_one(end) for end in ends]
+    middle, *ends = ([_net(log, max(gain, 0.0), leads_s.get(id(log))) for log in logs] for gain in gains)
+    fitted, others = fit_all(middle), [fit_all(end) for end in ends]
     ci95 = {name: _hull([own, *(other.ci95.get(name) for other in others)]) for name, own in fitted.ci95.items()}
     parts = tuple(replace(fitted.candidates[0], model=other.model, part=f"cooling gain at its {end} end")
                   for other, end in zip(others, ("low", "high"), strict=True))
-    return _with_cooling(replace(fitted, ci95=ci95, candidates=(*fitted.candidates, *parts)), log, effect), middle
+    return _with_cooling(replace(fitted, ci95=ci95, candidates=(*fitted.candidates, *parts)), cooled, effect), middle
+
+
+def _net(log: Log, cooling_gain: float, lead_s: float | None) -> Log:
+    """Return a log with one power, its cooler so much earlier [s]; None: it has no cooler."""
+    if lead_s is None:
+        return log
+    cooling = _earlier(log.signals["cooling"], lead_s) if lead_s else log.signals["cooling"]
+    return replace(log, signals=dict(log.signals) | {"cooling": cooling}).with_net_power(cooling_gain)
+
+
+def _of_all(logs: Sequence[Log], effects: Sequence[CoolingEffect]) -> CoolingEffect:
+    """Return the cooler of several logs, each weighted by its interval.
+
+    Raises:
+        InputError: two intervals do not meet.
+    """
+    if len(effects) == 1:
+        return effects[0]
+    low = max(range(len(effects)), key=lambda i: effects[i].cooling_gain_ci95[0])
+    high = min(range(len(effects)), key=lambda i: effects[i].cooling_gain_ci95[1])
+    if effects[low].cooling_gain_ci95[0] > effects[high].cooling_gain_ci95[1]:
+        raise InputError(
+            f"{logs[low].name} and {logs[high].name}: their coolers differ, {effects[low].cooling_gain:.3g} and "
+            f"{effects[high].cooling_gain:.3g} times full heating, so they are not of one heater and cooler; fit them "
+            "separately")
+    halves = np.array([0.5 * (effect.cooling_gain_ci95[1] - effect.cooling_gain_ci95[0]) for effect in effects])
+    weights = halves**-2.0 / np.sum(halves**-2.0)
+    gain, half = float(weights @ [effect.cooling_gain for effect in effects]), float(np.sum(halves**-2.0)) ** -0.5
+    return replace(max(effects, key=lambda effect: effect.delta_bic), cooling_gain=gain,
+                   cooling_gain_ci95=(gain - half, gain + half))
 
 
 def _hull(intervals: Sequence[Interval | None]) -> Interval | None:
@@ -288,10 +326,10 @@ def _earlier(signal: LogSignal, lead_s: float) -> LogSignal:
     return signal._replace(values=signal.values[np.clip(rows, 0, len(rows) - 1)])
 
 
-def _with_cooling(fitted: FittedModel, log: Log, effect: CoolingEffect) -> FittedModel:
-    if log.taken is not None and "power" in log.taken.assumed:  # whether it cools below 0 has to be stated first
-        return replace(fitted, cooling=effect)
-    name = log.name
+def _with_cooling(fitted: FittedModel, logs: Sequence[Log], effect: CoolingEffect) -> FittedModel:
+    if any(log.taken is not None and "power" in log.taken.assumed for log in logs):
+        return replace(fitted, cooling=effect)  # whether it cools below 0 has to be stated first
+    name = " and ".join(log.name for log in logs)
     remarks = [Remark("cooler", f"{name}: {effect.sentence}{''.join(f' But {doubt}.' for doubt in effect.doubts)}")]
     if effect.misleads:
         remarks.append(Remark("cooler-differs", f"{name}: {'; '.join(effect.doubts)}."))
