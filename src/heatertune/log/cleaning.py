@@ -205,7 +205,7 @@ def without_strays(sheet: Sheet, columns: Columns, repairs: list[str]) -> Sheet:
     lines = ", ".join(sheet.line_name(k) for k in strays[:_SHOWN])
     more = f" and {len(strays) - _SHOWN} more" if len(strays) > _SHOWN else ""
     repairs.append(f"{count(len(strays), 'row')} without a time left out (line {lines}{more}).")
-    return replace(sheet.picked(begins), lost=sheet.lost + len(strays))
+    return replace(sheet.at_rows(begins), lost=sheet.lost + len(strays))
 
 
 def without_unreadable_power(
@@ -234,7 +234,7 @@ def without_unreadable_power(
     lines = ", ".join(f"line {sheet.line_name(row, 'power')}" for row in rows[:_SHOWN])
     more = f" and {len(rows) - _SHOWN} more" if len(rows) > _SHOWN else ""
     repairs.append(f"{count(len(rows), 'row')} without a power left out ({lines}{more}).")
-    return replace(sheet.picked(~strange), lost=sheet.lost + len(rows)), time[~strange], edges[~strange]
+    return replace(sheet.at_rows(~strange), lost=sheet.lost + len(rows)), time[~strange], edges[~strange]
 
 
 def one_run(
@@ -266,7 +266,7 @@ def one_run(
         f"The file holds {len(starts)} runs (from lines {', '.join(map(sheet.line_name, starts))}); run "
         f"{chosen + 1} was read, {why}: --run reads another."
     )
-    return sheet.picked(slice(begin, end)), time[begin:end], chosen + 1
+    return sheet.at_rows(slice(begin, end)), time[begin:end], chosen + 1
 
 
 def _session_starts(sheet: Sheet) -> list[int]:

@@ -194,7 +194,7 @@ def without_blank_power(sheet: Sheet, columns: Columns, time: Array, repairs: li
     cells = sheet.columns[place]
     written = np.flatnonzero(~cells.where(says_nothing))
     sparse = 0 < len(written) < len(cells) and (sheet.other_file != "" or (
-        len(written) > 1 and _repeats(cells.taken(written)) <= _REPEATS * len(written)))
+        len(written) > 1 and _repeats(cells.at_rows(written)) <= _REPEATS * len(written)))
     if not sparse:
         return sheet, time, blank & differs(cells) if np.any(blank) else blank
     first = int(written[0])
@@ -202,7 +202,7 @@ def without_blank_power(sheet: Sheet, columns: Columns, time: Array, repairs: li
     repairs.append("The power is written where it changes; it was held through "
                    f"{count(len(cells) - len(written) - first, 'row')}.")
     edge = np.isin(np.arange(len(cells)), written)
-    held = sheet.picked(slice(first, None)).with_column(place, cells.taken(last))
+    held = sheet.at_rows(slice(first, None)).with_column(place, cells.at_rows(last))
     if sheet.power_lines is not None:
         held = replace(held, power_lines=sheet.power_lines[last])
     return held, time[first:], (blank & edge)[first:]

@@ -255,10 +255,12 @@ def read_log(
     unit = _temperature_unit(sheet, columns, asked, raw[kept & ~edges], repairs, doubts)
     setpoint, filled = _setpoint(sheet, columns, unit.unit, asked.temperature_scale or 1.0, repairs)
     disturbance, held = _disturbance(sheet, columns, repairs)
-    power = power_of(sheet, columns, asked.power_full_scale, repairs, doubts, levels=asked.power_levels)
+    temperature = _in_degC(sheet, columns, "temperature", unit.unit, raw, kept)
+    power = power_of(sheet, columns, asked.power_full_scale, repairs, doubts, levels=asked.power_levels,
+                     temperature_degC=np.where(kept, temperature, np.nan))
     every: dict[str, LogSignal | None] = {
         "time": clock._replace(values=time),
-        "temperature": unit._replace(values=_in_degC(sheet, columns, "temperature", unit.unit, raw, kept)),
+        "temperature": unit._replace(values=temperature),
         "power": _with_cooling(sheet, columns, power, repairs), "setpoint": setpoint, "disturbance": disturbance,
         "ambient": _setpoint(sheet, columns, unit.unit, 1.0, repairs, role="ambient")[0]}
     signals, continued = _on_own_clocks(
