@@ -35,7 +35,7 @@ def test_a_signal_that_begins_at_4_mA_in_a_room_has_a_live_zero():
     ("Heater [mA]", [*_rows(lambda power: "12.0" if power else "4.0", before=ROOM + 16.0)]),
     ("Heater [mA]", [*_rows(lambda power: "7.0" if power else "4.0", gain=0.1)]),  # its room may be 8 °C colder
     ("Heater", [*_rows(lambda power: "20.0" if power else "4.0")]),  # nothing says milliamperes
-    ("Heater [mA]", [*_rows(lambda power: "13.6")]),  # never without power
+    ("Heater [mA]", [*_rows("13.6".format)]),  # never without power
 ])
 def test_any_other_signal_of_4_to_20_is_asked_for(header, rows):
     with pytest.raises(LogError, match=r"--power-levels 4 20|--power-full-scale"):

@@ -198,7 +198,7 @@ _POSSIBLE_DEGC: Final = (-90.0, 2000.0)  # colder than any place on earth; hotte
 @with_options(ReadSettings)
 def read_log(
     source: str | Path | IO[Any] | DataFrame, settings: ReadSettings | None = None, *, content: bytes | None = None,
-    **changed: Unpack[ReadOptions],
+    power_content: bytes | None = None, **changed: Unpack[ReadOptions],
 ) -> Log:
     """Read a temperature log.
 
@@ -210,6 +210,7 @@ def read_log(
         source: path of a CSV file, an open one, a table of pandas, or "table3" / "table4", the paper's tables.
         settings: how to read the file; None: detect everything.
         content: of the file, if it is on another machine; `source` is then only its name.
+        power_content: the same of the power's own file, `power_log`.
         changed: fields of `ReadSettings` that differ from `settings`.
 
     Raises:
@@ -217,13 +218,13 @@ def read_log(
         LogError: content that cannot be interpreted, with file, line, column and value.
         UnknownName: a unit that does not exist.
     """
-    asked = merge_options(ReadSettings, settings, changed, also=("settings", "content"))
+    asked = merge_options(ReadSettings, settings, changed, also=("settings", "content", "power_content"))
     if not isinstance(source, str | Path):
         source, content = _handed(source)
     named = isinstance(source, str) and source.lower() in BUILT_IN and content is None
     table = built_in(str(source).lower()) if named else None
     sheet, doubts = _opened(Path(source), table, content, asked)
-    sheet, asked = _with_power_log(sheet, asked)
+    sheet, asked = _with_power_log(sheet, asked, power_content)
     given = (asked.time_column, asked.temperature_column, asked.power_column, asked.setpoint_column)
     wanted = {role: column for role, column in zip(ROLES, given, strict=True) if column is not None}
     sides = {role: getattr(asked, f"{role}_column") for role in SIDE_ROLES}
@@ -422,11 +423,11 @@ def _opened(
     return plain_cells(sheet), doubts
 
 
-def _with_power_log(sheet: Sheet, settings: ReadSettings) -> tuple[Sheet, ReadSettings]:
+def _with_power_log(sheet: Sheet, settings: ReadSettings, content: bytes | None) -> tuple[Sheet, ReadSettings]:
     """Return the cells with those of the power's own file, if it has one, and how to read them."""
     if settings.power_log is None:
         return sheet, settings
-    return with_power_rows(sheet, _opened(Path(settings.power_log), None, None, ReadSettings())[0], settings)
+    return with_power_rows(sheet, _opened(Path(settings.power_log), None, content, ReadSettings())[0], settings)
 
 
 def _log(
