@@ -249,10 +249,14 @@ class LogSignal(NamedTuple):
 
     def integral(self, time_s: Array, origin_s: float = 0.0) -> Array:
         """Return the integral of what is held from the first instant on, up to some since an origin, shape (m,)."""
-        time = self.time_s - origin_s
-        time, values = (time, self.values) if time_s[-1] <= time[-1] else (
-            np.append(time, time_s[-1]), np.append(self.values, self.values[-1]))
+        time, values = self._replace(time_s=self.time_s - origin_s).until(float(time_s[-1]))
         return np.asarray(np.interp(time_s, time, np.concatenate([[0.0], np.cumsum(values[:-1] * np.diff(time))])))
+
+    def until(self, end_s: float) -> tuple[Array, Array]:
+        """Return its instants and values, the last one held to an end, shape (k,) each."""
+        if end_s <= self.time_s[-1]:
+            return self.time_s, self.values
+        return np.append(self.time_s, end_s), np.append(self.values, self.values[-1])
 
     def window(self, start_s: float, end_s: float) -> LogSignal:
         """Return the values within start_s <= time <= end_s, and the one that is held at the start."""

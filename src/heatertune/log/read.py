@@ -366,8 +366,13 @@ def _on_own_clocks(
             repairs.append(
                 f"The temperature is written where it changes by {written.step_degC:.3g} °C; {put_back} rows in which "
                 f"it stood were put back, {written.interval_s:.3g} s apart.")
-    clock = time if len(time) == len(rows) else rows
-    own_clocks = {role: signal._replace(time_s=clock) for role, signal in signals.items()}
+    changes = np.ones(len(rows), dtype=np.bool_)
+    own_clocks = {}
+    for role, signal in signals.items():
+        if len(time) != len(rows):
+            changes[1:] = np.diff(signal.values) != 0.0
+        clock = time if len(time) == len(rows) else rows[changes]
+        own_clocks[role] = signal._replace(values=signal.values[changes], time_s=clock)
     own_clocks["time"] = signals["time"]._replace(values=time, time_s=time)
     own_clocks["temperature"] = signals["temperature"]._replace(values=temperature, between=between, time_s=time)
     if "power" in signals:

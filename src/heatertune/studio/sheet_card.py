@@ -571,14 +571,15 @@ def _number(name: str, change: str, place: int, value: object, label: str) -> st
 
 def preview(log: Log) -> str:
     """Return the log as a small picture: temperature, and below it power where it is logged."""
-    time, temperature, power = log.time_s, log.temperature_degC, log.power_pct
+    time, temperature, signal = log.time_s, log.temperature_degC, log.signals.get("power")
+    power_s, power = (time, None) if signal is None else signal.until(float(time[-1]))
     low, high = float(temperature.min()), float(temperature.max())
     below = 0 if power is None else _LOW + _EDGE
     said = (f"Temperature from {low:.4g} to {high:.4g} °C in {time[-1] - time[0]:.4g} s"
             + ("" if power is None else f", power from {power.min():.4g} to {power.max():.4g} %"))
     lines = _path(time, temperature, (low, high), (_EDGE, _HIGH), "temperature")
     if power is not None:
-        lines += _path(time, power, (0.0, 100.0), (_HIGH + _EDGE, _HIGH + _EDGE + _LOW), "power", fixed=True)
+        lines += _path(power_s, power, (0.0, 100.0), (_HIGH + _EDGE, _HIGH + _EDGE + _LOW), "power", fixed=True)
     return (f'<figure class="preview"><svg viewBox="0 0 {_WIDE} {_HIGH + below + _EDGE}" role="img" '
             f'aria-label="{text_of(said)}">{lines}</svg><figcaption>{text_of(said)}</figcaption></figure>')
 
