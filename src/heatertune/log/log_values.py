@@ -462,7 +462,7 @@ class Log(NotebookDisplay):
         Args:
             rows: `time_s` and the names of rows; shape (n,) each.
         """
-        values: dict[str, Any] = {each.name: getattr(self, each.name) for each in fields(self)} | rows
+        values = {each.name: getattr(self, each.name) for each in fields(self)} | rows
         return Log(**values)
 
     def demand_heater_alone(self, purpose: str) -> None:
@@ -487,8 +487,9 @@ class Log(NotebookDisplay):
         return replace(self, signals=signals, cooling_gain=max(cooling_gain, 0.0))
 
 
-#: signal → least and most value
-_BOUNDS: Final = {"temperature": (ABSOLUTE_ZERO_DEGC, np.inf), "power": (0.0, 100.0), "cooling": (0.0, 100.0)}
+#: row → least and most value
+_BOUNDS: Final = {"temperature_degC": (ABSOLUTE_ZERO_DEGC, np.inf), "power_pct": (0.0, 100.0),
+                  "cooling_pct": (0.0, 100.0)}
 
 
 def _frozen_signals(signals: Mapping[str, LogSignal], cooling_gain: float) -> dict[str, LogSignal]:
@@ -497,28 +498,28 @@ def _frozen_signals(signals: Mapping[str, LogSignal], cooling_gain: float) -> di
     if len(temperature.time_s) < MIN_SAMPLES:
         raise OutOfRange("number of samples", len(temperature.time_s), f">= {MIN_SAMPLES}")
     clocks: dict[int, Array] = {}
-    frozen = {}
-    for column, role in ROWS.items():
-        if role not in signals:
-            continue
-        signal = signals[role]
-        given = signal.time_s if len(signal.time_s) else temperature.time_s
-        if given is not temperature.time_s and np.array_equal(given, temperature.time_s):
-            given = temperature.time_s
-        if id(given) not in clocks:
-            clocks[id(given)] = _frozen("time_s", given, len(given))
-            if not np.all(np.diff(clocks[id(given)]) > 0):
-                raise OutOfRange("time_s", float(given[0]), "strictly increasing")
-        values = _frozen(column, signal.values, len(given))
-        least, most = _BOUNDS.get(role, (-np.inf, np.inf))
-        _demand_bounds(column, values, least - 100.0 * cooling_gain if role == "power" else least, most)
-        frozen[role] = signal._replace(time_s=clocks[id(given)], values=values)
+    frozen = {role: _frozen_signal(column, signals[role], temperature.time_s, clocks, cooling_gain)
+              for column, role in ROWS.items() if role in signals}
     readings = frozen["temperature"].values
     if np.ptp(readings) == 0.0:
         raise OutOfRange("temperature_degC", float(readings[0]), "varying, not constant")
     if "cooling" in frozen and "power" not in frozen:
         raise OutOfRange("cooling_pct", float(frozen["cooling"].values[0]), "logged together with the heater's power")
     return frozen
+
+
+def _frozen_signal(
+    column: str, signal: LogSignal, readings_s: Array, clocks: dict[int, Array], cooling_gain: float
+) -> LogSignal:
+    time = signal.time_s if len(signal.time_s) and not np.array_equal(signal.time_s, readings_s) else readings_s
+    if id(time) not in clocks:
+        clocks[id(time)] = _frozen("time_s", time, len(time))
+        if not np.all(np.diff(time) > 0):
+            raise OutOfRange("time_s", float(time[0]), "strictly increasing")
+    values = _frozen(column, signal.values, len(time))
+    least, most = _BOUNDS.get(column, (-np.inf, np.inf))
+    _demand_bounds(column, values, least - 100.0 * cooling_gain if column == "power_pct" else least, most)
+    return signal._replace(time_s=clocks[id(time)], values=values)
 
 
 def _demand_bounds(name: str, column: Array, least: float, most: float) -> None:

@@ -227,15 +227,15 @@ class DroppedFile:
         except HeatertuneError as refused:
             return self.with_problem(refused)
 
-    def with_file(self, other: DroppedFile) -> DroppedFile:
-        """Return both files as one log where one holds a temperature alone and the other its power, else the other."""
-        for first, second in ((self, other), (other, self)):
+    def with_file(self, file: DroppedFile) -> DroppedFile:
+        """Return both files as one log where one holds a temperature alone and the other its power, else the new one."""
+        for first, second in ((self, file), (file, self)):
             if first.log is not None and first.log.power_pct is None and second.log is None:
                 both = DroppedFile.of(first.name, first.content, replace(first.settings, power_log=second.name),
                                       first.assumptions, second.content)
                 if both.log is not None:
                     return both
-        return other
+        return file
 
     def with_problem(self, problem: HeatertuneError) -> DroppedFile:
         """Return the file with what is wrong with the last change."""
