@@ -228,7 +228,7 @@ class DroppedFile:
             return self.with_problem(refused)
 
     def with_file(self, file: DroppedFile) -> DroppedFile:
-        """Return both files as one log where one holds a temperature alone and the other its power, else the new one."""
+        """Return both files as one log where one holds a temperature alone and one its power, else the new."""
         for first, second in ((self, file), (file, self)):
             if first.log is not None and first.log.power_pct is None and second.log is None:
                 both = DroppedFile.of(first.name, first.content, replace(first.settings, power_log=second.name),
