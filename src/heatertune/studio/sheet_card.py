@@ -154,7 +154,15 @@ class DroppedFile:
         cls, name: str, content: bytes, settings: ReadSettings | None = None, assumed: SheetAssumptions | None = None,
         power_content: bytes | None = None,
     ) -> DroppedFile:
-        """Return how a file is understood; whatever it holds, this never fails."""
+        """Return how a file is understood; whatever it holds, this never fails.
+
+        Args:
+            name: of the file.
+            content: of the file.
+            settings: how it is read; None: as it is found.
+            assumed: what the user adds; None: nothing.
+            power_content: of the power's own file, which `settings` name; None: there is none.
+        """
         plain = Path(name.replace("\\", "/").replace("\0", "")).name or "log.csv"
         settings, assumed = settings or ReadSettings(), assumed or SheetAssumptions()
         log, problem = None, ""
