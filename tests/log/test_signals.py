@@ -2,6 +2,7 @@
 
 import io
 import json
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -54,6 +55,17 @@ def test_a_window_begins_with_what_is_held_there():
     part = _log().window(40.0, 160.0)
     assert [*map(list, part.signals["power"].changes)] == [[40.0, 151.2], [60.0, 40.0]]
     assert (part.time_s[0], part.time_s[-1]) == (40.0, 160.0)
+
+
+def test_a_window_without_readings_is_refused_and_a_log_goes_to_a_worker():
+    log = _log()
+    with pytest.raises(OutOfRange, match="number of samples"):
+        log.window(1e6, 2e6)
+    again = pickle.loads(pickle.dumps(log))
+    assert [*map(list, again.signals["power"].changes)] == [*map(list, log.signals["power"].changes)]
+    assert again.on_one_clock().time_s.tolist() == log.on_one_clock().time_s.tolist()
+    plain = pickle.loads(pickle.dumps(_plain()))
+    assert plain.on_one_clock() is plain
 
 
 def test_rows_take_the_place_of_a_signal_and_a_signal_stays_where_only_readings_change():

@@ -432,8 +432,14 @@ class Log(NotebookDisplay):
         return self.part((self.time_s >= start_s) & (self.time_s <= end_s))
 
     def part(self, rows: npt.NDArray[np.bool_]) -> Log:
-        """Return those of the readings that a mask, shape (n,), takes; other signals from the first to the last."""
+        """Return those of the readings that a mask, shape (n,), takes; other signals from the first to the last.
+
+        Raises:
+            OutOfRange: fewer than 20 are left.
+        """
         time = self.time_s[rows]
+        if len(time) < MIN_SAMPLES:
+            raise OutOfRange("number of samples", len(time), f">= {MIN_SAMPLES}")
         signals = {
             role: signal._replace(time_s=time, values=signal.values[rows]) if signal.time_s is self.time_s
             else signal.window(float(time[0]), float(time[-1])) for role, signal in self.signals.items()}
