@@ -54,7 +54,7 @@ class ReadOptions(TypedDict, total=False):
     #: readings without power and at full power: 4 20, 1 5, -100 100 …
     power_levels: tuple[float, float] | None
     #: unit of the time
-    time_unit: Literal["s", "ms", "min", "h", "d", "mm:ss", "hh:mm"] | None
+    time_unit: Literal["s", "ms", "us", "ns", "min", "h", "d", "mm:ss", "hh:mm"] | None
     #: interval of a log without time column [s]
     sample_time_s: float | None
     #: columns whose numbers have decimal commas that also separate the cells: their numbers (1 = first) or

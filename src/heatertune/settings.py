@@ -74,7 +74,8 @@ class ReadSettings:
         None, float, "readings without power and at full power: 4 20, 1 5, -100 100 …", flag="--power-levels",
         pair=("OFF", "FULL"))
     time_unit: str | None = option(
-        None, str, "unit of the time", flag="--time-unit", choices=("s", "ms", "min", "h", "d", "mm:ss", "hh:mm"))
+        None, str, "unit of the time", flag="--time-unit",
+        choices=("s", "ms", "us", "ns", "min", "h", "d", "mm:ss", "hh:mm"))
     sample_time_s: float | None = option(
         None, float, "interval of a log without time column", unit="s", flag="--log-interval", above=0.0)
     decimal_comma: str | None = option(

@@ -1,10 +1,11 @@
 """Drawn logs of heaters with a cooler: does the fit hold the truth in its intervals, or say that it cannot?
 
-    python -m tests.bench.signed_logs [COUNT] [--first SEED] [--verbose]
+    python -m tests.bench.signed_logs [COUNT] [--first SEED] [--together] [--verbose]
 
 The power is open-loop steps or a PI controller's output of -100...100 %, in one column or in two. The cooler acts as
-negative power of another gain, with a dead time of its own in some logs, or multiplies the loss. Integrated here, by
-Euler's method, and written as CSV: shares nothing with the reader or the fit.
+negative power of another gain, with a dead time of its own in some logs, or multiplies the loss. With --together, two
+logs of each are fitted as one heater. Integrated here, by Euler's method, and written as CSV: shares nothing with the
+reader or the fit.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from typing import NamedTuple
 from heatertune.errors import HeatertuneError
 from heatertune.log import read_log
 from heatertune.model.findings import KINDS
-from heatertune.model.fit import fit
+from heatertune.model.fit import fit, fit_together
 from heatertune.model.model_values import FittedModel
 
 HELD, NEAR, OPEN, REFUSED, WRONG = "held", "near", "not proven", "refused", "WRONG HEATER"
@@ -40,8 +41,8 @@ class Truth(NamedTuple):
     closed_loop: bool
 
 
-def drawn(seed: int) -> tuple[Truth, bytes]:
-    """Draw a heater with a cooler, and log it."""
+def drawn(seed: int, record: int = 0) -> tuple[Truth, bytes]:
+    """Draw a heater with a cooler, and log it, another time for another record."""
     chance = random.Random(f"signed-{seed}")
     lag = chance.uniform(60, 500)
     truth = Truth(
@@ -50,6 +51,7 @@ def drawn(seed: int) -> tuple[Truth, bytes]:
         multiplies=chance.random() < 0.15, closed_loop=chance.random() < 0.3)
     if truth.multiplies:
         truth = truth._replace(cooler_later_s=0.0, second_s=0.0)
+    chance = random.Random(f"signed-{seed}-{record}") if record else chance
     noise, every, room = chance.choice((0.02, 0.05, 0.1, 0.2)), chance.choice((1, 2, 5)), chance.uniform(15, 26)
     rows = _logged(truth, chance, noise, every, room)
     if chance.random() < 0.5:
@@ -102,10 +104,11 @@ def _logged(truth: Truth, chance: random.Random, noise: float, every: int, room:
     return rows
 
 
-def judge(truth: Truth, content: bytes) -> tuple[str, str]:
-    """Return what became of a log, and the figures."""
+def judge(truth: Truth, *contents: bytes) -> tuple[str, str]:
+    """Return what became of a log, or of several together, and the figures."""
     try:
-        fitted = fit(read_log("drawn.csv", content=content))
+        logs = [read_log(f"drawn{number}.csv", content=content) for number, content in enumerate(contents)]
+        fitted = fit(logs[0]) if len(logs) == 1 else fit_together(logs)
     except HeatertuneError as problem:
         return REFUSED, str(problem)
     names = {finding.name for finding in fitted.findings}
@@ -154,11 +157,13 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("count", nargs="?", type=int, default=200)
     parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--together", action="store_true")
     parser.add_argument("--verbose", action="store_true")
     chosen = parser.parse_args()
     counts: Counter[str] = Counter()
     for seed in range(chosen.first, chosen.first + chosen.count):
-        outcome, said = judge(*drawn(seed))
+        truth, first = drawn(seed)
+        outcome, said = judge(truth, first, *([drawn(seed, 1)[1]] if chosen.together else []))
         counts[outcome] += 1
         if chosen.verbose or outcome == WRONG:
             print(seed, outcome, said, flush=True)

@@ -41,6 +41,6 @@ def test_a_power_whose_change_is_only_written_with_the_next_reading_blocks_whate
         gain=0.6, time_constant_s=200.0, second_s=0.0, dead_time_s=20.0, ambient_degC=20.0, poll_s=5.0, step_degC=0.1,
         plan=((0.0, 0.0), (60.0, 60.0), (1060.0, 20.0)), end_s=2000.0)
     log = read_log(io.StringIO(on_change.wide_readings(case, 1)))
-    assert log.power_late_s == pytest.approx(85.0)  # rows at 0 and 85 s, and the power changed at 60 s
+    assert log.signals["power"].late_s == pytest.approx(85.0)  # rows at 0 and 85 s, and the power changed at 60 s
     told = {finding.name: finding.message for finding in fit(log, dead_time_at_most_s=bound_s).findings}
     assert "up to 85 s before the row" in told["alias"]

@@ -3,7 +3,8 @@
 Real logs are read where they lie beside the project, drawn ones come from `on_change.py`. Each is written again and fitted;
 the intervals have to meet those of the log as it was, and of a drawn heater hold the truth. By hand:
 
-    python -m tests.bench.thinning [COUNT]      so many drawn logs, and all real ones
+    python -m tests.bench.thinning [COUNT]                  so many drawn logs, and all real ones
+    python -m tests.bench.thinning accused [COUNT] [FIRST]  is a heater said to have stopped in drawn logs of means and late rows?
 """
 
 from __future__ import annotations
@@ -23,6 +24,9 @@ from heatertune.log import read_log
 from heatertune.log.log_values import Log
 from heatertune.model.fit import fit
 from heatertune.model.model_values import FittedModel
+from heatertune.model.power.explanation import clean_log, opened_at_s
+from heatertune.model.power.open_loop import PowerProblem
+from heatertune.model.power.regressors import Readings
 from tests.bench import on_change
 
 REAL = Path(__file__).parents[3] / "shared" / "data" / "logs" / "normalised"
@@ -198,6 +202,27 @@ def main(count: int, folder: Path) -> int:
     return sum(number for key, number in tally.items() if key.endswith("WRONG"))
 
 
+def accused(count: int, first: int, folder: Path) -> int:
+    """Return in how many drawn logs a heater is said to have stopped that has not; asked of each log, whatever its fit is like."""
+    rng, wrong = random.Random(7), 0
+    for seed in range(first + count):
+        case = on_change.drawn(rng)
+        if seed < first:
+            continue
+        writer = (late, mean, mean_both)[seed % 3]
+        path = folder / "log.csv"
+        path.write_text(writer(drawn_rows(case, seed))[0], encoding="utf-8")
+        log = read_log(path, power_full_scale=100.0)
+        instant = opened_at_s(clean_log(log, PowerProblem(readings=Readings.of(log)))[1].problem)
+        if instant is not None:
+            wrong += 1
+            print(f"drawn {seed} {writer.__name__}: stopped at {instant:.4g} s?", flush=True)
+    print(f"{count} logs, {wrong} accused")
+    return wrong
+
+
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as made:
+        if sys.argv[1:2] == ["accused"]:
+            sys.exit(min(accused(int([*sys.argv, 100][2]), int([*sys.argv, 0, 0][3]), Path(made)), 1))
         sys.exit(min(main(int(sys.argv[1]) if len(sys.argv) > 1 else 40, Path(made)), 1))

@@ -78,7 +78,8 @@ def test_a_power_in_a_row_of_its_own_keeps_its_instant_and_a_reading_that_does_n
     rows[0] = (0.0, "20", "0")
     text = "\n".join(["time_s,temp_C,power_pct", *(f"{t:g},{y},{u}" for t, y, u in sorted(rows))])
     log = rows_of(text)
-    assert log.time_s[np.flatnonzero(log.power_pct)[0]] == 57.0
+    assert [*map(list, log.signals["power"].changes)] == [[0.0, 57.0], [0.0, 60.0]]
+    assert 57.0 not in log.time_s  # no reading
     assert np.all(log.temperature_degC[log.time_s < 80.0] == 20.0)
     assert any("The power is written where it changes" in told for told in log.repairs)
     assert any("rows in which it stood were put back, 5 s apart" in told for told in log.repairs)
@@ -96,8 +97,8 @@ def test_an_empty_power_of_a_log_at_an_interval_costs_its_row():
 def test_a_reading_that_is_lost_where_the_power_changes_does_not_move_the_power():
     rows = [f"{t},{'' if t == 30 else f'{20 + 0.1 * max(0, t - 34):.1f}'},{60 if t >= 30 else 0}" for t in range(80)]
     log = rows_of("\n".join(["time_s,temp_C,power_pct", *rows]), skip_empty=True)
-    assert log.time_s[np.flatnonzero(log.power_pct)[0]] == 30.0
-    assert log.temperature_degC[30] == 20.0
+    assert log.signals["power"].changes[0][1] == 30.0
+    assert 30.0 not in log.time_s  # no reading
 
 
 def test_a_tag_that_was_unavailable_is_not_put_back():

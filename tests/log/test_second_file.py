@@ -41,8 +41,7 @@ def test_the_power_of_another_file_keeps_its_instants(way, tmp_path):
     (tmp_path / "t.csv").write_text(temperatures, encoding="utf-8")
     (tmp_path / "p.csv").write_text(powers, encoding="utf-8")
     log = read_log(tmp_path / "t.csv", power_log=str(tmp_path / "p.csv"), power_full_scale=100.0, **options)
-    changed = [0, *(np.flatnonzero(np.diff(log.power_pct)) + 1)]
-    assert [(log.time_s[k], log.power_pct[k]) for k in changed] == POWERS
+    assert list(zip(*log.signals["power"].changes, strict=True)) == POWERS
     assert np.interp(TIMES, log.time_s, log.temperature_degC) == pytest.approx(READINGS)
     again = {name: value for name, value in log.taken.reading.items() if name not in ("time_column", "temperature_column")}
     assert again["power_log"] == str(tmp_path / "p.csv")

@@ -1,5 +1,7 @@
 """Columns of cells against lists of texts, which hold the same without sparing memory; and how much a long log takes."""
 
+import csv
+import io
 import random
 import time
 import tracemalloc
@@ -36,14 +38,14 @@ def test_a_column_is_the_list_of_its_cells(seed):
     assert column[0] == cells[0]
     assert set(column.kinds()) == set(cells)
     assert column.levels() == len(set(cells))
-    assert column.filled().tolist() == [cell != "" for cell in cells]
+    assert column.has_text().tolist() == [cell != "" for cell in cells]
     assert column.holds(".") == any("." in cell for cell in cells)
     places = np.array([chance.randrange(len(cells)) for _ in range(100)])
-    some = column.taken(places)
+    some = column.at_rows(places)
     assert list(some) == [cells[k] for k in places]
     assert some.levels() == len({cells[k] for k in places})
     assert list(some.map(str.upper)) == [cells[k].upper() for k in places]
-    assert list(column.taken(slice(None, None, -1))) == cells[::-1]
+    assert list(column.at_rows(slice(None, None, -1))) == cells[::-1]
     assert column.where(str.isdigit).tolist() == [cell.isdigit() for cell in cells]
 
 
@@ -65,7 +67,7 @@ def test_a_grid_is_the_list_of_its_rows(seed):
     assert grid.whole().tolist() == [len(row) == width for row in plain]
     assert grid.find(plain[1]) == [1]
     kept = grid.whole() & (np.arange(number) > 0)
-    assert [list(row) for row in zip(*grid.taken(kept), strict=True)] == [row for row in plain[1:] if len(row) == width]
+    assert [list(row) for row in zip(*grid.at_rows(kept), strict=True)] == [row for row in plain[1:] if len(row) == width]
     grid.cut(2)
     assert list(grid) == [row[:2] for row in plain]
 
@@ -89,11 +91,16 @@ def long_log(columns):
 
 @pytest.mark.parametrize("columns", [0, 20])
 @pytest.mark.long(20)
-def test_a_long_log_takes_twelve_times_its_size_and_a_second(columns):
+def test_a_long_log_takes_twelve_times_its_size_and_little_more_time_than_its_cells(columns):
     content = long_log(columns)
+    # a second on an idle machine, which a loop of the standard library over the same cells needs a third of or more
+    began = time.process_time()
+    plain = [[float(cell) for cell in row] for row in list(csv.reader(io.StringIO(content.decode())))[1:]]
+    beside_s = time.process_time() - began
+    del plain
     began = time.process_time()
     read_log("long.csv", content=content)
-    assert time.process_time() - began < 1.0
+    assert time.process_time() - began < 3.5 * beside_s
     tracemalloc.start()
     try:
         log = read_log("long.csv", content=content)
@@ -135,7 +142,7 @@ def test_a_power_that_its_file_samples_is_held_and_may_have_changed_since_the_sa
     log = read_log(temperature, power_log=str(power))
     # rows of 2 s; the power is 10 % for one sample of 20 s in seven, the first at 0 s
     assert log.power_pct.tolist() == [10.0 if (t // 20) % 7 == 0 else 40.0 for t in log.time_s]
-    assert log.power_late_s == 20.0
+    assert log.signals["power"].late_s == 20.0
 
 
 def test_a_bad_power_of_a_long_table_is_told_with_its_own_line():

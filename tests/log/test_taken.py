@@ -128,10 +128,14 @@ LONG = [("TIC1.PV", 2.0 * k + 0.5, f"{y:g}", "192") for k, (_, y, _) in enumerat
 
 def test_a_long_table_is_turned_and_power_and_setpoint_are_held_to_the_readings(tmp_path):
     log = _read(tmp_path, _table("tag,time_s,value,quality", LONG))
-    # the power changes at 21.0, between the readings at 20.5 and 22.5: a row of its own, on the line between the two
-    assert log.time_s.tolist() == sorted([*(t + 0.5 for t, _, _ in ROWS), 21.0])
-    assert np.delete(log.temperature_degC, 11).tolist() == [y for _, y, _ in ROWS]
-    assert log.temperature_degC[11] == pytest.approx(22.0 + 0.25 * 0.2)
+    # the power changes at 21.0, between the readings at 20.5 and 22.5
+    assert [*map(list, log.signals["power"].changes)] == [[0.5, 21.0], [0.0, 60.0]]
+    assert log.time_s.tolist() == [t + 0.5 for t, _, _ in ROWS]
+    assert log.temperature_degC.tolist() == [y for _, y, _ in ROWS]
+    rows = log.on_one_clock()
+    assert rows.time_s.tolist() == sorted([*log.time_s, 21.0])
+    assert rows.temperature_degC[11] == pytest.approx(22.0 + 0.25 * 0.2)  # on the line between the two
+    assert rows.power_pct.tolist() == [0.0 if t < 21.0 else 60.0 for t in rows.time_s]
     assert log.power_pct.tolist() == [0.0 if t < 21.0 else 60.0 for t in log.time_s]
     assert set(log.setpoint_degC) == {55.0}
     assert "not used: 'spare'" in log.taken.line
@@ -147,7 +151,7 @@ def test_readings_of_bad_quality_are_left_out_and_counted(tmp_path, good, bad):
     # OPC DA: the two high bits of the byte are 11 for good, 01 for uncertain, 00 for bad
     rows = [(tag, t, "0" if t == 40.5 else value, bad if t == 40.5 else good) for tag, t, value, _ in LONG]
     log = _read(tmp_path, _table("tag,time_s,value,quality", rows))
-    assert len(log.time_s) == 60  # one of 60 readings is left out, and the power has a row of its own
+    assert len(log.time_s) == 59  # one of 60 readings is left out
     assert any("1 row whose quality is not good left out (line 22)" in told for told in log.repairs)
     assert log.taken.left_out == 1
 
@@ -159,7 +163,7 @@ def test_flags_of_unknown_meaning_are_refused_and_may_be_passed_over(tmp_path, h
     text = _table(header, [(*row[:3], flag if row[0] == "TIC1.OP" else "192") for row in LONG]).replace("192", "3")
     with pytest.raises(LogError, match=named):
         _read(tmp_path, text)
-    assert len(_read(tmp_path, text, quality_column="none").time_s) == 61  # 60 readings, and a change of the power
+    assert len(_read(tmp_path, text, quality_column="none").time_s) == 60
 
 
 @pytest.mark.parametrize(("asked", "named"), [

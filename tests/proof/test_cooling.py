@@ -10,18 +10,22 @@ from tests.witness.pid_temp import HeatCool, Pulses, Set, with_factor
 from tests.witness.trace_measures import judge
 
 from heatertune import chain
+from heatertune.codec import decode, plain
 from heatertune.compiled import dispatch as machine
 from heatertune.errors import InputError, OutOfRange
+from heatertune.log.log_values import Log
 from heatertune.model.model_values import Fopdt, TwoLag, model_by_hand
 from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.controller import with_cooling
 from heatertune.plc.pwm import pid_compact
 from heatertune.proof import LoopLimits, SampleRequest, SampleSpread, replay, simulate
+from heatertune.proof.as_left import as_left
 from heatertune.proof.criteria import columns_of
 from heatertune.proof.kernel import heat_after, period_of, switched_off, times_on
 from heatertune.proof.loop import in_loop, noise_of, plant_row, scans_of
 from heatertune.proof.monte_carlo.draw import measure
+from heatertune.proof.proof_document import ProofView
 from heatertune.proof.prove_words import actuator_for, course_for, prove
 from heatertune.proof.redesign import DesignRequest, find_passing_design
 from heatertune.proof.runs import measure_runs
@@ -234,6 +238,22 @@ def test_the_story_has_a_load_that_is_cooled_away_and_a_step_down_in_less_time(m
     during = {event.power_pct: event.time_s for event in scenario.disturbances if isinstance(event, Load)}
     resting = trace.power_asked_pct[(trace.time_s > during[-60.0] - 100.0) & (trace.time_s < during[-60.0])]
     assert resting.mean() == pytest.approx(-20.0, abs=2.0)  # 10 % too much, of a cooler half as strong
+
+
+@pytest.mark.long
+def test_a_trace_with_the_power_of_a_cooler_is_compared_with_a_proof_that_has_one(made):
+    proof, nominal = made.proof, made.proof.nominal
+    view = decode(ProofView, plain(proof.to_document()), "proof.json")
+    rows = nominal.time_s < 300.0  # the heat-up
+    log = Log(name="after", source="the proof's own run", time_s=nominal.time_s[rows], temperature_degC=nominal.temperature_degC[rows],
+              setpoint_degC=np.full(np.count_nonzero(rows), 65.0), power_pct=np.maximum(nominal.power_asked_pct[rows], 0.0),
+              cooling_pct=np.where(nominal.time_s[rows] < 5.0, 0.0, 1e-3))
+    found = as_left(log, proof.words, FITTED, view)
+    assert (found.verdict, found.begins_by) == ("AS PROVEN", "first reading")
+    colder = as_left(log.with_rows(temperature_degC=20.0 + 0.5 * (log.temperature_degC - 20.0)), proof.words, FITTED, view)
+    assert colder.verdict == "NOT AS PROVEN"
+    with pytest.raises(InputError, match="--power-column none"):
+        as_left(log, proof.words, FITTED, replace(view, actuator=replace(view.actuator, cooling_gain=None)))
 
 
 def test_a_cooler_that_is_weaker_than_the_load_is_told_as_not_tested():

@@ -7,7 +7,7 @@ from heatertune.plc import Scaling
 from heatertune.proof import prove
 from heatertune.proof import runs as search_budget
 from heatertune.proof.redesign import DesignRequest, find_passing_design
-from heatertune.proof.runs import SearchBudget, count_scans, judged_once, uncharged
+from heatertune.proof.runs import SearchBudget, count_scans, judged_once, outside_budget
 from heatertune.settings import Conditions, TuneSettings
 
 #: the plain optimum at Ms 2 overshoots; other gains and a setpoint ramp mend it
@@ -17,7 +17,7 @@ ASKED = DesignRequest(target="fb41", conditions=Conditions(setpoint_degC=40.0), 
 
 def test_runs_whose_result_is_only_told_are_charged_to_no_budget():
     with SearchBudget(scans=10.0) as budget:
-        with uncharged():
+        with outside_budget():
             count_scans(100.0)
         count_scans(4.0)
     assert (budget.used, budget.spent) == (4.0, False)

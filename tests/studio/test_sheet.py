@@ -151,3 +151,26 @@ def test_a_message_without_a_value_has_no_answer():
     assert answers_to("(--skip-empty leaves such rows out)") == {"--skip-empty": ("skip_empty", True)}
     unknown = DroppedFile.of("empty.csv", b"")
     assert change_sheet(unknown, "answer", 0, "--power-levels 4 20").problem == unknown.problem
+
+
+TEMPERATURE = ("time_s,temp_C\n" + "".join(f"{2 * k},{20 + 0.1 * k:.1f}\n" for k in range(100))).encode()
+POWER = b"time_s,power_pct\n0,0\n31,60\n"
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_two_files_that_are_dropped_are_one_log_where_one_holds_the_others_power(turned):
+    first, second = DroppedFile.of("t.csv", TEMPERATURE), DroppedFile.of("p.csv", POWER)
+    both = second.with_file(first) if turned else first.with_file(second)
+    assert [*map(list, both.log.signals["power"].changes)] == [[0.0, 31.0], [0.0, 60.0]]
+    assert "constant power" not in sheet(both)
+    warmer = change_sheet(both, "power_full_scale", 0, "60")  # what is changed of it keeps both files
+    assert warmer.log.signals["power"].values.max() == 100.0
+
+
+def test_another_log_takes_the_place_of_one_that_waits():
+    log = DroppedFile.of("t.csv", TEMPERATURE)
+    whole = DroppedFile.of("w.csv", b"time_s,temp_C,power_pct\n" + b"".join(b"%d,%d,5\n" % (k, 20 + k % 7) for k in range(60)))
+    assert log.with_file(whole) is whole
+    assert whole.with_file(log) is log
+    late = DroppedFile.of("p.csv", b"time_s,power_pct\n9000,0\n9100,50\n")
+    assert log.with_file(late) is late  # of another time

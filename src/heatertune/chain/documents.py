@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from heatertune.codec import (
+    LEFT_OUT,
     Document,
     construct_from,
     data_folder,
@@ -38,7 +39,10 @@ from heatertune.proof.repetition import demand_consistent
 from heatertune.proof.verdict import FIRST, PROOF_SCHEMA, verdict_first
 from heatertune.proof.words_file import WORDS_SCHEMA, FieldView, WholeWordsView, demand_same_words, words_of
 
-__all__ = ["load", "log_document", "read_documents", "rows", "to_dict", "without_curves", "words_document"]
+__all__ = [
+    "load", "log_document", "own_clocks", "read_documents", "rows", "to_dict", "with_own_clocks", "without_curves",
+    "words_document",
+]
 
 _VIEWS: Final[Mapping[str, type]] = {
     "log": LogView, "model": ModelView, "pid": PidView, "words": WholeWordsView, "proof": ProofView,
@@ -49,11 +53,33 @@ _VIEWS: Final[Mapping[str, type]] = {
 def log_document(log: Log) -> dict[str, Any]:
     """Return the JSON document of a log as it was understood."""
     taken = None if log.taken is None else decode(TakenView, plain(log.taken.document()), log.name)
-    document: dict[str, Any] = encode(construct_from(LogView, log, taken=taken))
+    document: dict[str, Any] = encode(construct_from(LogView, log, taken=taken, signals=own_clocks(log) or None))
     return document
 
 
 Numbers = tuple[float, ...]
+
+
+def own_clocks(log: Log) -> dict[str, tuple[Numbers, Numbers]]:
+    """Return role → instants and values, to the last reading, of the signals that have instants of their own."""
+    own = {role: signal.until(float(log.time_s[-1])) for role, signal in log.signals.items()
+           if signal.time_s is not log.time_s}
+    return {role: (tuple(time.tolist()), tuple(values.tolist())) for role, (time, values) in own.items()}
+
+
+def with_own_clocks(log: Log, own: Mapping[str, tuple[Numbers, Numbers]], power_late_s: float = 0.0) -> Log:
+    """Return a log of rows with the signals of `own_clocks`, and with how late its power may be written [s].
+
+    Raises:
+        DocumentError: a signal of which there are no rows.
+    """
+    if strange := own.keys() - log.signals.keys():
+        raise DocumentError(f"signals of {', '.join(sorted(strange))} without rows; expected {', '.join(log.signals)}")
+    signals = dict(log.signals) | {role: log.signals[role]._replace(time_s=np.asarray(time), values=np.asarray(values))
+                                   for role, (time, values) in own.items()}
+    if power_late_s and "power" in signals:
+        signals["power"] = signals["power"]._replace(late_s=power_late_s)
+    return replace(log, signals=signals)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,6 +122,7 @@ class LogValues:
     pwm_period_s: float
     power_late_s: float
     cooling_gain: float
+    signals: Mapping[str, tuple[Numbers, Numbers]] | None = field(default=None, metadata=LEFT_OUT)
 
     @classmethod
     def from_log(cls, log: Log) -> LogValues:
@@ -104,7 +131,9 @@ class LogValues:
                                  for name in _COLUMNS}
         summary = None if log.taken is None else construct_from(
             SummaryValues, log.taken, stated=tuple(sorted(log.taken.stated)))
-        return construct_from(cls, log, **given, taken=summary)
+        power = log.signals.get("power")
+        return construct_from(cls, log, **given, taken=summary, power_late_s=0.0 if power is None else power.late_s,
+                              signals=own_clocks(log) or None)
 
     @property
     def log(self) -> Log:
@@ -113,7 +142,8 @@ class LogValues:
                                  for name in _COLUMNS}
         summary = None if self.taken is None else construct_from(
             ReadSummary, self.taken, stated=frozenset(self.taken.stated))
-        return construct_from(Log, self, **given, taken=summary)
+        return with_own_clocks(
+            construct_from(Log, self, **given, taken=summary, signals=None), self.signals or {}, self.power_late_s)
 
 
 #: those of `Log` with a value for each reading

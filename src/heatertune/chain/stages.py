@@ -169,12 +169,12 @@ def _fit_one(log: Log, settings: FitSettings, progress: ProgressCallback, *, tho
 
 
 def _columns(log: Log) -> dict[str, Any]:
-    names = ("name", "time_s", "temperature_degC", "power_pct", "setpoint_degC", "rests_at_degC", "disturbance",
-             "cooling_pct", "ambient_degC", "power_late_s")
+    signals = {f"{role}_{part}": getattr(signal, part) for role, signal in log.signals.items()
+               for part in ("time_s", "values", "late_s")}
     taken = None if log.taken is None else (
         log.taken.line, log.taken.repaired_share, sorted(log.taken.stated), dict(log.taken.assumed),
         log.taken.moving_heaters)
-    return {name: getattr(log, name) for name in names} | {"taken": taken}
+    return {"name": log.name, "rests_at_degC": log.rests_at_degC, "taken": taken} | signals
 
 
 def _kept(stage: str, inputs: Mapping[str, Any], run: Callable[[], FittedModel],

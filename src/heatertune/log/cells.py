@@ -34,7 +34,7 @@ from heatertune.log.quantities import (
     says_nothing,
     stamp,
 )
-from heatertune.log.sheet import Grid, Sheet, TextParts, drained
+from heatertune.log.sheet import Grid, Sheet, TextParts, drain
 from heatertune.units import count
 from heatertune.writing import read_bytes
 
@@ -289,7 +289,7 @@ def _sheet_of_grid(path: Path, grid: Grid, lines: Lines, repairs: list[str], los
     """Return the sheet of a table, which is searched for its header."""
     header, above, below = take_header(lines, grid, repairs)
     kept = _without_partial_rows(path, lines, grid, below, repairs)
-    return Sheet(file=str(path), header=header, comment=(), columns=grid.taken(kept), lines=lines[kept],
+    return Sheet(file=str(path), header=header, comment=(), columns=grid.at_rows(kept), lines=lines[kept],
                  repairs=tuple(repairs), above=above, lost=lost + int(np.count_nonzero(below & ~kept)))
 
 
@@ -301,10 +301,10 @@ def _sheet_of(path: Path, table: FormatTable, repairs: list[str], lost: int, ski
         rows, lines = [row for row, line in zip(rows, lines, strict=True) if line > skip_rows], lines[lines > skip_rows]
     if not rows:
         raise LogError("the file is empty", file=path, expected="rows of time and temperature")
-    grid = Grid(drained(rows), len(header) or _usual_width(rows[-_HEADER_SAMPLE:]))
+    grid = Grid(drain(rows), len(header) or _usual_width(rows[-_HEADER_SAMPLE:]))
     if header:
         kept = _without_partial_rows(path, lines, grid, np.ones(len(grid), dtype=np.bool_), repairs)
-        sheet = Sheet(file=str(path), header=header, comment=(), columns=grid.taken(kept), lines=lines[kept],
+        sheet = Sheet(file=str(path), header=header, comment=(), columns=grid.at_rows(kept), lines=lines[kept],
                       repairs=tuple(repairs), lost=lost + int(np.count_nonzero(~kept)))
     else:
         _without_empty_ends(grid, repairs)
@@ -485,7 +485,7 @@ def _between(texts: Iterable[str], separator: str) -> Iterable[str]:
 
 def _without_empty_ends(rows: Grid, repairs: list[str]) -> None:
     """Remove the empty columns at the end."""
-    widths = [i for i, column in enumerate(rows.columns, start=1) if i == 1 or column.filled().any()][-1:]
+    widths = [i for i, column in enumerate(rows.columns, start=1) if i == 1 or column.has_text().any()][-1:]
     widths += [max((i for i, cell in enumerate(row, start=1) if cell), default=1) for row in rows.aside.values()]
     width = max(widths)
     longer = sum(len(row) > width for row in rows.aside.values())

@@ -205,7 +205,7 @@ def without_strays(sheet: Sheet, columns: Columns, repairs: list[str]) -> Sheet:
     lines = ", ".join(sheet.line_name(k) for k in strays[:_SHOWN])
     more = f" and {len(strays) - _SHOWN} more" if len(strays) > _SHOWN else ""
     repairs.append(f"{count(len(strays), 'row')} without a time left out (line {lines}{more}).")
-    return replace(sheet.picked(begins), lost=sheet.lost + len(strays))
+    return replace(sheet.at_rows(begins), lost=sheet.lost + len(strays))
 
 
 def without_unreadable_power(
@@ -234,7 +234,7 @@ def without_unreadable_power(
     lines = ", ".join(f"line {sheet.line_name(row, 'power')}" for row in rows[:_SHOWN])
     more = f" and {len(rows) - _SHOWN} more" if len(rows) > _SHOWN else ""
     repairs.append(f"{count(len(rows), 'row')} without a power left out ({lines}{more}).")
-    return replace(sheet.picked(~strange), lost=sheet.lost + len(rows)), time[~strange], edges[~strange]
+    return replace(sheet.at_rows(~strange), lost=sheet.lost + len(rows)), time[~strange], edges[~strange]
 
 
 def one_run(
@@ -266,7 +266,7 @@ def one_run(
         f"The file holds {len(starts)} runs (from lines {', '.join(map(sheet.line_name, starts))}); run "
         f"{chosen + 1} was read, {why}: --run reads another."
     )
-    return sheet.picked(slice(begin, end)), time[begin:end], chosen + 1
+    return sheet.at_rows(slice(begin, end)), time[begin:end], chosen + 1
 
 
 def _session_starts(sheet: Sheet) -> list[int]:
@@ -288,7 +288,7 @@ def _restarts(time: Array) -> list[int]:
 
 
 def no_readings(
-    sheet: Sheet, columns: Columns, raw: Array, time: Array, repairs: list[str], *,
+    sheet: Sheet, columns: Columns, raw: Array, time: Array, repairs: list[str], *, edges: Mask,
     moves: Mask | None = None, skip_empty: bool = False
 ) -> Mask:
     """Return a mask of the rows without a valid temperature, shape (n,), and list them in the repairs.
@@ -300,20 +300,21 @@ def no_readings(
             sensor.
         time: of each row, shape (n,) [s].
         repairs: list to which omitted rows are added.
+        edges: the rows that are there for another power alone, and are no readings, shape (n,).
         moves: the rows in which the power moves, shape (n,); None if it is not logged.
         skip_empty: whether the user accepts any number of rows without a reading.
 
     Raises:
         LogError: more than a tenth of the rows are lost.
     """
-    empty = np.isnan(raw)
+    empty = np.isnan(raw) & ~edges
     is_open = _is_open(raw)
-    kept = np.flatnonzero(~(empty | is_open))
+    kept = np.flatnonzero(~(empty | is_open | edges))
     stuck = np.zeros_like(empty)
     stuck[kept[_stuck(raw[kept], time[kept])]] = True
     lost = empty | is_open | stuck
     loose = np.zeros_like(lost)
-    kept = np.flatnonzero(~lost)
+    kept = np.flatnonzero(~(lost | edges))
     if moves is not None:
         loose[kept[_loose(raw[kept], time[kept], moves[kept])]] = True
     lost |= loose
@@ -325,10 +326,10 @@ def no_readings(
         raise cell_error(sheet, columns, "temperature", row, problem, "a log with a reading in nine rows of ten" + (
             " (--skip-empty leaves out those without one)" if np.any(refused & empty) else ""))
     spikes = np.zeros_like(lost)
-    kept = np.flatnonzero(~lost)
+    kept = np.flatnonzero(~(lost | edges))
     spikes[kept[_spikes(raw[kept])]] = True
     ends = np.zeros_like(lost)
-    kept = np.flatnonzero(~(lost | spikes))
+    kept = np.flatnonzero(~(lost | spikes | edges))
     ends[kept[_wild_ends(raw[kept], time[kept])]] = True
     kinds = ((empty, "without a reading"), (is_open, "with an open sensor's reading"),
              (stuck, _FAR_VALUE),

@@ -339,11 +339,12 @@ _HOURS_NAMED: Final = re.compile(r"(?i)\bhh?:mm\b|\bh:min")
 _MOST_HOURS: Final = 99  # of a firing that is timed in hours and minutes
 _LAST_HOUR: Final = 23
 #: unit → its length [s]
-TIME_UNITS: Final = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0, "d": 86400.0}
+TIME_UNITS: Final = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "d": 86400.0}
+_EXPECTED_UNIT: Final = f"--time-unit {', '.join([*TIME_UNITS][:-1])} or {[*TIME_UNITS][-1]}"
 _EPOCH: Final = 1e8  # beyond three years in seconds the numbers are a calendar's
 _THIS_CENTURY: Final = (946_684_800.0, 4_102_444_800.0)  # 2000 to 2100, in seconds since 1970
 _LONGEST_STEP_S: Final = 500.0  # of a calendar's seconds: a counter of milliseconds has longer ones after weeks
-_EPOCHS: Final = ((1e17, "ns", 1e-9), (1e14, "µs", 1e-6), (1e11, "ms", 1e-3))  # 19, 16 and 13 digits since 1970
+_EPOCHS: Final = ((1e17, "ns", 1e-9), (1e14, "us", 1e-6), (1e11, "ms", 1e-3))  # 19, 16 and 13 digits since 1970
 _UNEVEN: Final = 0.02
 _DAY: Final = 86400.0
 _SHEET_DAYS: Final = (20_000.0, 80_000.0)  # days since 1900 as spreadsheets count them: 1954 to 2119
@@ -447,13 +448,13 @@ def _from_numbers(sheet: Sheet, columns: Columns, unit: str | None, repairs: lis
     values = numbers(sheet, columns, "time", f"a number or a time like {STAMPS}")
     named = columns.unit("time")
     epoch = next(((name, length) for least, name, length in _EPOCHS if values[0] > least), None)
-    if unit is None and named in (None, "ms") and epoch is not None and not columns.is_foreign("time"):
+    if unit is None and epoch is not None and named in (None, "ms", epoch[0]) and not columns.is_foreign("time"):
         repairs.append(f"The time is in {epoch[0]} since 1970 by its digits and was counted from the first row.")
         return LogSignal((values - values[0]) * epoch[1], epoch[0], epoch[0])
     if unit is None and (columns.is_foreign("time") or epoch is not None or _are_days(values, named)):
-        raise cell_error(sheet, columns, "time", 0, "a time in an unknown unit:", "--time-unit s, ms, min, h or d")
+        raise cell_error(sheet, columns, "time", 0, "a time in an unknown unit:", _EXPECTED_UNIT)
     if unit in CLOCK_UNITS:
-        raise cell_error(sheet, columns, "time", 0, f"a number, not {unit}:", "--time-unit s, ms, min, h or d")
+        raise cell_error(sheet, columns, "time", 0, f"a number, not {unit}:", _EXPECTED_UNIT)
     time_unit = unit or named or "s"
     if time_unit != "s":
         repairs.append(f"The time is in {time_unit} {'as stated' if unit else 'by its name'} and was converted to "
@@ -540,4 +541,4 @@ def forwards(sheet: Sheet, time: Array, repairs: list[str]) -> tuple[Sheet, Arra
     if not len(steps) or np.any(steps > 0) or not np.any(steps < 0):
         return sheet, time
     repairs.append("The rows are newest first and were reversed.")
-    return sheet.picked(slice(None, None, -1)), time[::-1] - time[-1]
+    return sheet.at_rows(slice(None, None, -1)), time[::-1] - time[-1]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
@@ -201,7 +201,7 @@ ON_CHANGE: Final = "constant until it is written again"
 
 
 class LogSignal(NamedTuple):
-    """A quantity that a log records, with the evidence for its unit.
+    """A quantity that a log records at instants of its own, with the evidence for its unit.
 
     Attributes:
         values: at each instant, shape (n,) [s, °C, % of full power, a disturbance in its own unit].
@@ -212,6 +212,7 @@ class LogSignal(NamedTuple):
         levels: readings without power and at full power, if the user states both.
         between: what is known between two instants.
         late_s: by how much it may have changed before the instant that shows it, in excess of the interval [s].
+        time_s: its instants [s], strictly increasing, shape (n,); empty: those of the temperature.
     """
 
     values: Array
@@ -222,6 +223,7 @@ class LogSignal(NamedTuple):
     levels: tuple[float, float] | None = None
     between: str = HOLD
     late_s: float = 0.0
+    time_s: Array = np.empty(0)
 
     @property
     def written(self) -> str:
@@ -233,6 +235,38 @@ class LogSignal(NamedTuple):
         """The reading at full power."""
         return float(self.unit)
 
+    def at(self, time_s: Array) -> Array:
+        """Return the value that is held at each of some instants, before the first one the first, shape (m,)."""
+        if self.time_s is time_s:
+            return self.values
+        return self.values[np.maximum(np.searchsorted(self.time_s, time_s, side="right") - 1, 0)]
+
+    @property
+    def changes(self) -> tuple[Array, Array]:
+        """Instants from which it holds another value [s], the first included, and these values, shape (k,) each."""
+        changed = np.concatenate([[True], np.diff(self.values) != 0.0])
+        return self.time_s[changed], self.values[changed]
+
+    def integral(self, time_s: Array, origin_s: float = 0.0) -> Array:
+        """Return the integral of what is held from the first instant on, up to some since an origin, shape (m,)."""
+        time, values = self._replace(time_s=self.time_s - origin_s).until(float(time_s[-1]))
+        return np.asarray(np.interp(time_s, time, np.concatenate([[0.0], np.cumsum(values[:-1] * np.diff(time))])))
+
+    def until(self, end_s: float) -> tuple[Array, Array]:
+        """Return its instants and values, the last one held to an end, shape (k,) each."""
+        if end_s <= self.time_s[-1]:
+            return self.time_s, self.values
+        return np.append(self.time_s, end_s), np.append(self.values, self.values[-1])
+
+    def window(self, start_s: float, end_s: float) -> LogSignal:
+        """Return the values within start_s <= time <= end_s, and the one that is held at the start."""
+        inside = (self.time_s >= start_s) & (self.time_s <= end_s)
+        time = self.time_s[inside]
+        if len(time) and time[0] == start_s:
+            return self._replace(time_s=time, values=self.values[inside])
+        held = self.at(np.array([start_s]))
+        return self._replace(time_s=np.append(start_s, time), values=np.append(held, self.values[inside]))
+
 
 ABSOLUTE_ZERO_DEGC = -273.15
 
@@ -240,27 +274,32 @@ ABSOLUTE_ZERO_DEGC = -273.15
 MIN_SAMPLES = 20
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+#: attribute with a value for each reading → signal
+ROWS: Final = {"temperature_degC": "temperature", "power_pct": "power", "setpoint_degC": "setpoint",
+               "disturbance": "disturbance", "cooling_pct": "cooling", "ambient_degC": "ambient"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, init=False)
 class Log(NotebookDisplay):
-    """A temperature record.
+    """A temperature record: signals, each with instants of its own.
+
+    Its rows are derived: `time_s` [s] and `temperature_degC` [°C] are the readings; `power_pct` [0…100 % of full
+    power], `setpoint_degC` [°C], `disturbance` (a measured load in a unit of its own), `cooling_pct` (power of a cooler
+    in addition to the heater [0…100 %]) and `ambient_degC` (temperature of the room [°C]) are what is held at these
+    instants, all of shape (n,), or None. A log is constructed from signals, from rows under these names, or from both:
+    a row then takes the place of the signal. All instants increase strictly.
 
     Attributes:
         name: short name shown to people.
         source: where the numbers come from (a file's name, a paper's table).
-        time_s: instants [s], strictly increasing, shape (n,).
-        temperature_degC: process variable [°C], shape (n,).
-        power_pct: heater power [0…100 % of full power], held from its instant to the next, shape (n,), or None.
-        setpoint_degC: setpoint [°C], shape (n,), or None.
-        disturbance: a measured load in a unit of its own, held from its instant to the next, shape (n,), or None.
-        cooling_pct: power of a cooler in addition to the heater [0…100 % of its full power], shape (n,), or None.
-        ambient_degC: temperature of the room [°C], shape (n,), or None.
+        signals: role → signal: "temperature", and as far as logged "power", "setpoint", "disturbance", "cooling" and
+            "ambient".
         repairs: changes and assumptions of the reader, one sentence each.
-        doubts: readings that look odd but were left as they are, one sentence each.
+        warnings: readings that look odd but were left as they are, one sentence each.
         same_heater: names of built-in logs taken on the same heater.
         taken: summary of how the file was read, None for a log that does not come from a file.
         rests_at_degC: steady-state temperature according to the source, None if not stated [°C].
         pwm_period_s: PWM period of the heater according to the source, 0 if not stated [s].
-        power_late_s: how much earlier than its row the power may have changed, in excess of the interval [s].
         cooling_gain: cooling power that `power_pct` holds below 0, at full cooling as a fraction of full heating.
 
     Raises:
@@ -270,40 +309,74 @@ class Log(NotebookDisplay):
 
     name: str
     source: str
-    time_s: Array
-    temperature_degC: Array
-    power_pct: Array | None = None
-    setpoint_degC: Array | None = None
-    disturbance: Array | None = None
-    cooling_pct: Array | None = None
-    ambient_degC: Array | None = None
+    signals: Mapping[str, LogSignal]
     repairs: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     same_heater: tuple[str, ...] = field(default=())
     taken: ReadSummary | None = None
     rests_at_degC: float | None = None
     pwm_period_s: float = 0.0
-    power_late_s: float = 0.0
     cooling_gain: float = 0.0
 
-    def __post_init__(self) -> None:
-        n = len(self.time_s)
-        if n < MIN_SAMPLES:
-            raise OutOfRange("number of samples", n, f">= {MIN_SAMPLES}")
-        for name in ("time_s", "temperature_degC", "power_pct", "setpoint_degC", "disturbance", "cooling_pct",
-                     "ambient_degC"):
-            column = getattr(self, name)
-            if column is not None:
-                object.__setattr__(self, name, _frozen(name, column, n))
-        if not np.all(np.diff(self.time_s) > 0):
-            raise OutOfRange("time_s", float(self.time_s[0]), "strictly increasing")
-        if np.ptp(self.temperature_degC) == 0.0:
-            raise OutOfRange("temperature_degC", float(self.temperature_degC[0]), "varying, not constant")
-        _demand_bounds("temperature_degC", self.temperature_degC, ABSOLUTE_ZERO_DEGC, np.inf)
-        _demand_bounds("power_pct", self.power_pct, -100.0 * self.cooling_gain, 100.0)
-        _demand_bounds("cooling_pct", self.cooling_pct, 0.0, 100.0)
-        if self.cooling_pct is not None and self.power_pct is None:
-            raise OutOfRange("cooling_pct", float(self.cooling_pct[0]), "logged together with the heater's power")
+    def __init__(  # noqa: PLR0913, the fields are those of a dataclass, and rows may take the place of signals
+        self, *, name: str, source: str, signals: Mapping[str, LogSignal] | None = None, repairs: tuple[str, ...] = (),
+        warnings: tuple[str, ...] = (), same_heater: tuple[str, ...] = (), taken: ReadSummary | None = None,
+        rests_at_degC: float | None = None, pwm_period_s: float = 0.0, cooling_gain: float = 0.0,
+        time_s: Array | None = None, **rows: Array | None,
+    ) -> None:
+        held = dict(signals or {})
+        time = held["temperature"].time_s if time_s is None else time_s
+        for column, values in rows.items():
+            if column not in ROWS:
+                raise TypeError(f"Log() got an unexpected keyword argument {column!r}")
+            held.pop(ROWS[column], None)
+            if values is not None:
+                signal = (signals or {}).get(ROWS[column], LogSignal(values))
+                held[ROWS[column]] = signal._replace(values=values, time_s=time)
+        attributes = {"name": name, "source": source, "signals": _frozen_signals(held, cooling_gain),
+                      "repairs": repairs, "warnings": warnings, "same_heater": same_heater, "taken": taken,
+                      "rests_at_degC": rests_at_degC, "pwm_period_s": pwm_period_s, "cooling_gain": cooling_gain}
+        for attribute, value in attributes.items():
+            object.__setattr__(self, attribute, value)
+
+    @property
+    def time_s(self) -> Array:
+        """Instants of the readings, shape (n,) [s]."""
+        return self.signals["temperature"].time_s
+
+    @property
+    def temperature_degC(self) -> Array:
+        """Process variable, shape (n,) [°C]."""
+        return self.signals["temperature"].values
+
+    @property
+    def power_pct(self) -> Array | None:
+        """Power of the heater at the readings, shape (n,) [%]; None: not logged."""
+        return self._row("power")
+
+    @property
+    def setpoint_degC(self) -> Array | None:
+        """Setpoint at the readings, shape (n,) [°C]; None: not logged."""
+        return self._row("setpoint")
+
+    @property
+    def disturbance(self) -> Array | None:
+        """Measured load at the readings, in a unit of its own, shape (n,); None: not logged."""
+        return self._row("disturbance")
+
+    @property
+    def cooling_pct(self) -> Array | None:
+        """Power of a cooler at the readings, shape (n,) [% of its full power]; None: not logged."""
+        return self._row("cooling")
+
+    @property
+    def ambient_degC(self) -> Array | None:
+        """Temperature of the room at the readings, shape (n,) [°C]; None: not logged."""
+        return self._row("ambient")
+
+    def _row(self, role: str) -> Array | None:
+        signal = self.signals.get(role)
+        return None if signal is None else signal.at(self.time_s)
 
     def __repr__(self) -> str:
         """Return name, size and columns in one line; `summary()` has the rest."""
@@ -356,20 +429,47 @@ class Log(NotebookDisplay):
 
     def window(self, start_s: float, end_s: float) -> Log:
         """Return the readings with start_s <= time <= end_s."""
-        keep = (self.time_s >= start_s) & (self.time_s <= end_s)
+        return self.part((self.time_s >= start_s) & (self.time_s <= end_s))
 
-        def cut(column: Array | None) -> Array | None:
-            return None if column is None else column[keep]
+    def part(self, rows: npt.NDArray[np.bool_]) -> Log:
+        """Return those of the readings that a mask, shape (n,), takes; other signals from the first to the last.
 
-        cooled = cut(self.cooling_pct)
-        return Log(
-            name=self.name, source=self.source, time_s=self.time_s[keep], temperature_degC=self.temperature_degC[keep],
-            power_pct=cut(self.power_pct), setpoint_degC=cut(self.setpoint_degC), disturbance=cut(self.disturbance),
-            cooling_pct=None if cooled is None or not np.any(cooled) else cooled, ambient_degC=cut(self.ambient_degC),
-            repairs=self.repairs, warnings=self.warnings, same_heater=self.same_heater, taken=self.taken,
-            rests_at_degC=self.rests_at_degC, pwm_period_s=self.pwm_period_s, power_late_s=self.power_late_s,
-            cooling_gain=self.cooling_gain,
-        )
+        Raises:
+            OutOfRange: fewer than 20 are left.
+        """
+        time = self.time_s[rows]
+        if len(time) < MIN_SAMPLES:
+            raise OutOfRange("number of samples", len(time), f">= {MIN_SAMPLES}")
+        signals = {
+            role: signal._replace(time_s=time, values=signal.values[rows]) if signal.time_s is self.time_s
+            else signal.window(float(time[0]), float(time[-1])) for role, signal in self.signals.items()}
+        if "cooling" in signals and not np.any(signals["cooling"].values):
+            del signals["cooling"]
+        return replace(self, signals=signals)
+
+    def on_one_clock(self) -> Log:
+        """Return the log with a row at each instant of any signal, the temperature interpolated there.
+
+        It is the same log where no signal has instants of its own.
+        """
+        others = [signal.time_s for signal in self.signals.values() if signal.time_s is not self.time_s]
+        if not others:
+            return self
+        time = np.unique(np.concatenate([self.time_s, *others]))
+        time = time[(time >= self.time_s[0]) & (time <= self.time_s[-1])]
+        rows: dict[str, Array] = {column: self.signals[role].at(time) for column, role in ROWS.items()
+                                  if role in self.signals}
+        rows["temperature_degC"] = np.interp(time, self.time_s, self.temperature_degC)
+        return self.with_rows(time_s=time, **rows)
+
+    def with_rows(self, **rows: Array | None) -> Log:
+        """Return the log with other values at its readings, or at other instants; None takes a signal away.
+
+        Args:
+            rows: `time_s` and the names of rows; shape (n,) each.
+        """
+        values = {each.name: getattr(self, each.name) for each in fields(self)} | rows
+        return Log(**values)
 
     def demand_heater_alone(self, purpose: str) -> None:
         """Refuse a log with a cooler's power for what knows the heater's alone.
@@ -386,15 +486,49 @@ class Log(NotebookDisplay):
         Args:
             cooling_gain: effect of full cooling as a fraction of that of full heating.
         """
-        assert self.power_pct is not None
-        assert self.cooling_pct is not None
-        return replace(self, power_pct=self.power_pct - cooling_gain * self.cooling_pct, cooling_pct=None,
-                       cooling_gain=max(cooling_gain, 0.0))
+        power, cooling = self.signals["power"], self.signals["cooling"]
+        time = np.union1d(power.time_s, cooling.time_s)
+        net = power._replace(time_s=time, values=power.at(time) - cooling_gain * cooling.at(time))
+        signals = {role: signal for role, signal in self.signals.items() if role != "cooling"} | {"power": net}
+        return replace(self, signals=signals, cooling_gain=max(cooling_gain, 0.0))
 
 
-def _demand_bounds(name: str, column: Array | None, least: float, most: float) -> None:
-    if column is None:
-        return
+#: row → least and most value
+_BOUNDS: Final = {"temperature_degC": (ABSOLUTE_ZERO_DEGC, np.inf), "power_pct": (0.0, 100.0),
+                  "cooling_pct": (0.0, 100.0)}
+
+
+def _frozen_signals(signals: Mapping[str, LogSignal], cooling_gain: float) -> dict[str, LogSignal]:
+    """Return signals whose arrays are checked and cannot be written; equal instants are one array."""
+    temperature = signals["temperature"]
+    if len(temperature.time_s) < MIN_SAMPLES:
+        raise OutOfRange("number of samples", len(temperature.time_s), f">= {MIN_SAMPLES}")
+    clocks: dict[int, Array] = {}
+    frozen = {role: _frozen_signal(column, signals[role], temperature.time_s, clocks, cooling_gain)
+              for column, role in ROWS.items() if role in signals}
+    readings = frozen["temperature"].values
+    if np.ptp(readings) == 0.0:
+        raise OutOfRange("temperature_degC", float(readings[0]), "varying, not constant")
+    if "cooling" in frozen and "power" not in frozen:
+        raise OutOfRange("cooling_pct", float(frozen["cooling"].values[0]), "logged together with the heater's power")
+    return frozen
+
+
+def _frozen_signal(
+    column: str, signal: LogSignal, readings_s: Array, clocks: dict[int, Array], cooling_gain: float
+) -> LogSignal:
+    time = signal.time_s if len(signal.time_s) and not np.array_equal(signal.time_s, readings_s) else readings_s
+    if id(time) not in clocks:
+        clocks[id(time)] = _frozen("time_s", time, len(time))
+        if not np.all(np.diff(time) > 0):
+            raise OutOfRange("time_s", float(time[0]), "strictly increasing")
+    values = _frozen(column, signal.values, len(time))
+    least, most = _BOUNDS.get(column, (-np.inf, np.inf))
+    _demand_bounds(column, values, least - 100.0 * cooling_gain if column == "power_pct" else least, most)
+    return signal._replace(time_s=clocks[id(time)], values=values)
+
+
+def _demand_bounds(name: str, column: Array, least: float, most: float) -> None:
     outside = column[(column < least) | (column > most)]
     if len(outside):
         raise OutOfRange(name, float(outside[0]), f">= {least:g} and <= {most:g}")

@@ -24,7 +24,7 @@ from heatertune.log.sheet import CellColumn, Sheet
 from heatertune.units import count
 
 __all__ = [
-    "OnChange", "RestoredRows", "at_edges", "differs", "good_rows", "is_quality", "on_change", "spread",
+    "OnChange", "RestoredRows", "differs", "good_rows", "is_quality", "on_change", "spread",
     "without_blank_power",
 ]
 
@@ -147,30 +147,6 @@ def on_change(time: Array, readings: Array) -> OnChange | None:
     return OnChange(interval, smallest, rounded)
 
 
-def at_edges(time: Array, readings: Array, empty: Mask) -> Array:
-    """Return the readings with missing ones interpolated between their neighbours, shape (n,).
-
-    If readings are written on change, the last one is held until one interval before the next.
-
-    Args:
-        time: of each row, shape (n,) [s].
-        readings: shape (n,), NaN if missing.
-        empty: the rows to fill, shape (n,).
-    """
-    known = np.flatnonzero(~np.isnan(readings))
-    if not len(known) or not np.any(empty):
-        return readings
-    filled = readings.copy()
-    rows = np.flatnonzero(empty & (np.arange(len(time)) > known[0]) & (np.arange(len(time)) < known[-1]))
-    at, values = time[known], readings[known]
-    if (written := on_change(at, values)) is not None:
-        long = np.flatnonzero(np.diff(at) > _LONG * written.interval_s)
-        stood_until = at[long + 1] - written.interval_s
-        at, values = np.insert(at, long + 1, stood_until), np.insert(values, long + 1, values[long])
-    filled[rows] = np.interp(time[rows], at, values)
-    return filled
-
-
 def spread(time: Array, readings: Array, written: OnChange, breaks: Array) -> RestoredRows:
     """Insert the rows that were not written because the value had not changed.
 
@@ -218,7 +194,7 @@ def without_blank_power(sheet: Sheet, columns: Columns, time: Array, repairs: li
     cells = sheet.columns[place]
     written = np.flatnonzero(~cells.where(says_nothing))
     sparse = 0 < len(written) < len(cells) and (sheet.other_file != "" or (
-        len(written) > 1 and _repeats(cells.taken(written)) <= _REPEATS * len(written)))
+        len(written) > 1 and _repeats(cells.at_rows(written)) <= _REPEATS * len(written)))
     if not sparse:
         return sheet, time, blank & differs(cells) if np.any(blank) else blank
     first = int(written[0])
@@ -226,7 +202,7 @@ def without_blank_power(sheet: Sheet, columns: Columns, time: Array, repairs: li
     repairs.append("The power is written where it changes; it was held through "
                    f"{count(len(cells) - len(written) - first, 'row')}.")
     edge = np.isin(np.arange(len(cells)), written)
-    held = sheet.picked(slice(first, None)).with_column(place, cells.taken(last))
+    held = sheet.at_rows(slice(first, None)).with_column(place, cells.at_rows(last))
     if sheet.power_lines is not None:
         held = replace(held, power_lines=sheet.power_lines[last])
     return held, time[first:], (blank & edge)[first:]

@@ -25,9 +25,16 @@ _UNIT: Final = re.compile(r"[\[(/ _0-9](m?[av])[\])]?$|\b(volt|spannung|strom|cu
 _VOLTS: Final = ("v", "mv", "volt", "nung")
 _TOLERANCE: Final = 0.015  # of the span: an output card's error, which is set to the end of its range
 _REACHED: Final = 0.01  # of the span
+_MILLIAMPERES: Final = (4.0, 20.0)
+_MILLIAMPERE: Final = re.compile(r"[\[(/ _]ma[\])]?$", re.IGNORECASE)
+_AT_REST: Final = 5  # readings
+_STILL: Final = 0.05  # of the rise
+_ROOM_DEGC: Final = (15.0, 30.0)
+_COLDEST_ROOM_DEGC: Final = 10.0
 #: share of full power: readings as far below 0 are the error of an analogue signal, not those of a cooler
 _BELOW_ZERO: Final = 0.01
-_TWO_WAY: Final = re.compile(r"cool|kühl|kuehl|refrig|kälte|pid.?output.?sum|pid.?temp|peltier", re.IGNORECASE)
+_TWO_WAY: Final = re.compile(
+    r"cool|kühl|kuehl|refrig|kälte|pid.?output.?sum|pid.?temp|peltier|h.?bridge|vollbrücke", re.IGNORECASE)
 
 
 def _is_two_way(name: str) -> bool:
@@ -42,6 +49,26 @@ def _live_zeros(name: str, values: Array) -> list[tuple[float, float]]:
     fitting = [(low, high) for low, high, its in _LIVE_ZEROS
                if kind in ("", its) and not len(_outside_levels(values, (low, high)))]
     return sorted(fitting, key=lambda ends: abs(float(np.min(values)) - ends[0]) + abs(float(np.max(values)) - ends[1]))
+
+
+def _begins_off(name: str, values: Array, temperature_degC: Array) -> bool:
+    """Return whether a signal in mA begins at 4 mA without power: a live zero of 4…20 mA.
+
+    Were it 0…20 mA, the heater would begin at rest under a fifth of its power, above its room by a fifth of what full
+    power makes: by more than a room is colder than where the log begins.
+    """
+    if not _MILLIAMPERE.search(name) or _MILLIAMPERES not in _live_zeros(name, values):
+        return False
+    low, high = _MILLIAMPERES
+    moves = np.flatnonzero(np.abs(values - low) > _REACHED * (high - low))
+    first = temperature_degC[:moves[0] if len(moves) else 0]
+    first = first[~np.isnan(first)]
+    if len(first) < _AT_REST:
+        return False
+    begin_degC, rise_degC = float(np.median(first)), float(np.nanmax(temperature_degC) - np.median(first))
+    below_degC = rise_degC * low / float(np.max(values) - low)
+    in_room = _ROOM_DEGC[0] <= begin_degC <= _ROOM_DEGC[1] and float(np.ptp(first)) < _STILL * rise_degC
+    return in_room and begin_degC - below_degC < _COLDEST_ROOM_DEGC
 
 
 def _reaches_ends(values: Array, ends: tuple[float, float]) -> bool:
@@ -81,7 +108,7 @@ _FULL_SCALES: Final = (255, 1000, 1023, 4095, 10000, 27648, 32767, 65535)
 
 def power_of(
     sheet: Sheet, columns: Columns, value: float | None, repairs: list[str], doubts: list[str], *,
-    levels: tuple[float, float] | None = None,
+    levels: tuple[float, float] | None = None, temperature_degC: Array,
 ) -> LogSignal | None:
     """Return the power [%], below 0 that of a cooler; its unit is the reading at full power. None: it was not logged.
 
@@ -92,6 +119,7 @@ def power_of(
         repairs: list to which assumptions are added.
         doubts: list to which uncertain assumptions are added.
         levels: readings without power and at full power, if stated by the user.
+        temperature_degC: of each row, NaN without a reading, shape (n,).
 
     Raises:
         LogError: a cell that is not a power, an unknown full scale, a power out of range.
@@ -106,6 +134,10 @@ def power_of(
     values = numbers(sheet, columns, "power", expected)
     if levels is not None:
         return _between(sheet, columns, values, levels, repairs)
+    if value is None and _begins_off(columns.units.get("power", columns.names["power"]), values, temperature_degC):
+        repairs.append("The power is a signal of 4…20 mA: the log begins at 4 mA with a heater at room temperature.")
+        return LogSignal(_percent_between(values, _MILLIAMPERES), repr(20.0), "4…20", "off at 4 mA in a room",
+                         levels=_MILLIAMPERES)
     highest = float(np.max(np.abs(values)))
     named = None if is_scaled("power", columns.names["power"]) else columns.unit("power")
     if named == "27648" and highest <= _PERCENT_FULL:

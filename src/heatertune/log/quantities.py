@@ -44,7 +44,7 @@ _NAMES: Final[dict[str, re.Pattern[str]]] = {
         r"|last.?(chang|updat)ed|^(tiempo|tempo|tijd|tid|czas|čas|zaman|aika|hora|heure|fecha|godzina|data)\b"
         r"|^(дата|время)\b"
         r"|时间|日期|時刻|日時|時間|年月日|시간|날짜|^temps ?[\[(/] ?(s|sec|ms|min|h)\b)"
-        r"|^ts$|^t$|^[tT] ?[\[(/ ] ?(s|sec|ms|min|h)\b"),
+        r"|^ts$|^t$|^[tT]s? ?[\[(/ ] ?(s|sec|[mnuµμ]s|min|h)\b"),
     "temperature": re.compile(
         r"(?i:(?<!pid )(?<!pid)temp|\bpv\d*\b|process.?va|istwert|\bist\b|actual(?!.*(power|output|out|duty|%))|°[cf]"
         r"|deg ?[cf]|kelvin|thermocouple|scaled.?input|teplot|lämpötil|s[ıi]cakl[ıi]k|температур|温度|現在値|測定値"
@@ -79,6 +79,8 @@ _UNITS: Final[dict[str, tuple[tuple[str, re.Pattern[str]], ...]]] = {
         ("h", re.compile(r"(^|[\[(/ ])(h(ours?|rs?)?|std|stunden)\.?[\])]?$")),
         ("d", re.compile(r"(^|[\[(/ ])(d|days?|tage)\.?[\])]?$")),
         ("s", re.compile(r"(^|[\[(/ ])s(e[ck](onds?|unden)?)?\.?[\])]?$|[\[(](с|сек|秒|초)[\])]$")),
+        ("us", re.compile(r"(^|[\[(/ ])([uµμ]s(ec)?|micros(ec(onds?)?)?)\.?[\])]?$")),
+        ("ns", re.compile(r"(^|[\[(/ ])n(ano)?s(ec(onds?)?)?\.?[\])]?$")),
         ("ms", re.compile(rf"\b(milliseconds|millisekunden)\b{_ALONE}")),
         ("min", re.compile(rf"\b(minutes|minuten)\b{_ALONE}")),
         ("h", re.compile(rf"\b(hours|stunden)\b{_ALONE}")),
@@ -101,7 +103,7 @@ _IN_CELSIUS: Final = re.compile(r"[\[(] ?C ?[\])]$")
 #: units that are neither a temperature, a time nor a share of full power
 _FOREIGN: Final[dict[str, re.Pattern[str]]] = {
     "temperature": re.compile(r"%|pct|percent|counts?\b|\badc\b|[\[(/ ]m?[va][\])]?$|ohm|ω|\bbar\b"),
-    "time": re.compile(r"[\[(/ ][uµμn]s[\])]?$"),
+    "time": re.compile(r"[\[(/ ]ticks?[\])]?$"),
     "power": re.compile(r"[\[(/ 0-9][mk]?[wva][\])]?$|volt|watt|spannung|strom|\bcurrent|\bamp(s|ere)?\b"
                         r"|^control( signal| value)?$|counts?\b|\braw\b|\b[da][da]c\b|°|deg ?[cf]\b"),
 }
@@ -113,7 +115,7 @@ _TIMES_TEN: Final = (r"(?<![a-z0-9])(x|×|\*) ?10+\b|(?<!\d)/ ?10+\b|(?<=[a-z])X
                      r"|(?i:\bdeci(?!mal)|\bcenti(?!grad)|tenths?|zehntel|hundredths?)")
 _SCALED: Final[dict[str, re.Pattern[str]]] = {
     "temperature": re.compile(rf"{_TIMES_TEN}|\b(0[.,]0?1|1/10+) ?(°|[dD]eg|[CFK]\b)|\b[cd]deg"),
-    "time": re.compile(rf"{_TIMES_TEN}|\d ?(?i:m?s|sec|min|h)\b"),
+    "time": re.compile(rf"{_TIMES_TEN}|\d ?(?i:[mnuµμ]?s|sec|min|h)\b"),
     "power": re.compile(rf"{_TIMES_TEN}|\b(0[.,]0?1|1/10+) ?%|‰|(?i:permil|promille)"),
 }
 

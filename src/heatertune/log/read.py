@@ -52,7 +52,7 @@ from heatertune.log.log_values import (
     ReadSummary,
     built_in,
 )
-from heatertune.log.on_change import Mask, at_edges, on_change, spread, without_blank_power
+from heatertune.log.on_change import Mask, on_change, spread, without_blank_power
 from heatertune.log.power_range import power_of
 from heatertune.log.quantities import ROLES, is_scaled, on_or_off, says_nothing
 from heatertune.log.sheet import Sheet
@@ -87,13 +87,13 @@ class RowCounts(NamedTuple):
         read: that could have been readings, those aside that `TagTable` left out.
         repeats: that only repeated the one before.
         filled: in which a setpoint was put in.
-        put_back: that the file does not hold because nothing had changed.
+        used: that hold a reading, or another power alone.
     """
 
     read: int
     repeats: int
     filled: int
-    put_back: int = 0
+    used: int
 
 
 def taken_of(
@@ -120,7 +120,7 @@ def taken_of(
         used["time"] = ("row", f"{options['sample_time_s']:g} s")
     return ReadSummary(
         file=file, rows=len(time), interval_s=float(np.median(np.diff(time))) if len(time) > 1 else 0.0, columns=used,
-        rows_read=counts.read + lost, left_out=counts.read + lost + counts.put_back - len(time),
+        rows_read=counts.read + lost, left_out=counts.read + lost - counts.used,
         repeats=counts.repeats, repaired=counts.filled,
         unused=tagged.unused or _unused(sheet, columns, tagged, counted=counted),
         moving_heaters=() if tagged.is_long else moving_heaters(sheet, columns.index),
@@ -198,7 +198,7 @@ _POSSIBLE_DEGC: Final = (-90.0, 2000.0)  # colder than any place on earth; hotte
 @with_options(ReadSettings)
 def read_log(
     source: str | Path | IO[Any] | DataFrame, settings: ReadSettings | None = None, *, content: bytes | None = None,
-    **changed: Unpack[ReadOptions],
+    power_content: bytes | None = None, **changed: Unpack[ReadOptions],
 ) -> Log:
     """Read a temperature log.
 
@@ -210,6 +210,7 @@ def read_log(
         source: path of a CSV file, an open one, a table of pandas, or "table3" / "table4", the paper's tables.
         settings: how to read the file; None: detect everything.
         content: of the file, if it is on another machine; `source` is then only its name.
+        power_content: the same of the power's own file, `power_log`.
         changed: fields of `ReadSettings` that differ from `settings`.
 
     Raises:
@@ -217,13 +218,13 @@ def read_log(
         LogError: content that cannot be interpreted, with file, line, column and value.
         UnknownName: a unit that does not exist.
     """
-    asked = merge_options(ReadSettings, settings, changed, also=("settings", "content"))
+    asked = merge_options(ReadSettings, settings, changed, also=("settings", "content", "power_content"))
     if not isinstance(source, str | Path):
         source, content = _handed(source)
     named = isinstance(source, str) and source.lower() in BUILT_IN and content is None
     table = built_in(str(source).lower()) if named else None
     sheet, doubts = _opened(Path(source), table, content, asked)
-    sheet, asked = _with_power_log(sheet, asked)
+    sheet, asked = _with_power_log(sheet, asked, power_content)
     given = (asked.time_column, asked.temperature_column, asked.power_column, asked.setpoint_column)
     wanted = {role: column for role, column in zip(ROLES, given, strict=True) if column is not None}
     sides = {role: getattr(asked, f"{role}_column") for role in SIDE_ROLES}
@@ -247,28 +248,30 @@ def read_log(
     time = spread_instants(sheet, columns, time, repairs)
     sheet, time, edges = without_blank_power(sheet, columns, time, repairs)
     sheet, time, edges = without_unreadable_power(sheet, columns, time, edges, repairs)
-    raw = _readings(sheet, columns, time, edges, skip_empty=asked.skip_empty)
+    raw, edges = _readings(sheet, columns, edges, skip_empty=asked.skip_empty)
     kept, repeats = kept_rows(sheet, columns, time, repairs)
-    kept &= ~no_readings(sheet, columns, raw, time, repairs, moves=_power_moves(sheet, columns),
+    kept &= ~no_readings(sheet, columns, raw, time, repairs, moves=_power_moves(sheet, columns), edges=edges,
                          skip_empty=asked.skip_empty)
     raw *= asked.temperature_scale or 1.0
-    unit = _temperature_unit(sheet, columns, asked, raw[kept], repairs, doubts)
+    unit = _temperature_unit(sheet, columns, asked, raw[kept & ~edges], repairs, doubts)
     setpoint, filled = _setpoint(sheet, columns, unit.unit, asked.temperature_scale or 1.0, repairs)
     disturbance, held = _disturbance(sheet, columns, repairs)
-    power = power_of(sheet, columns, asked.power_full_scale, repairs, doubts, levels=asked.power_levels)
+    temperature = _in_degC(sheet, columns, "temperature", unit.unit, raw, kept)
+    power = power_of(sheet, columns, asked.power_full_scale, repairs, doubts, levels=asked.power_levels,
+                     temperature_degC=np.where(kept, temperature, np.nan))
     every: dict[str, LogSignal | None] = {
         "time": clock._replace(values=time),
-        "temperature": unit._replace(values=_in_degC(sheet, columns, "temperature", unit.unit, raw, kept)),
+        "temperature": unit._replace(values=temperature),
         "power": _with_cooling(sheet, columns, power, repairs), "setpoint": setpoint, "disturbance": disturbance,
         "ambient": _setpoint(sheet, columns, unit.unit, 1.0, repairs, role="ambient")[0]}
-    signals, continued = _put_back(
+    signals, continued = _on_own_clocks(
         {role: signal._replace(values=signal.values[kept]) for role, signal in every.items() if signal is not None},
         edges[kept], tagged.lost_s, repairs, recorded=sheet.recorded, power_every_s=sheet.power_every_s)
     tell_gaps(signals["time"].values, np.abs(sheet.lines)[kept][continued], "power" in signals, doubts)
     taken = taken_of(
         table.name if table else display_name(Path(source).name), sheet, columns, tagged, signals=signals,
         stated=stated_units(asked), counts=RowCounts(
-            read=len(time), repeats=repeats, filled=filled + held, put_back=len(continued) - int(kept.sum())),
+            read=len(time), repeats=repeats, filled=filled + held, used=int(kept.sum())),
         options={"sample_time_s": asked.sample_time_s, "run": chosen_run, "skip_empty": asked.skip_empty,
                  "errata": asked.errata, "skip_rows": max(asked.skip_rows, sheet.above),
                  "temperature_scale": asked.temperature_scale, "decimal_comma": asked.decimal_comma,
@@ -290,8 +293,8 @@ def _demand_no_sides(sheet: Sheet, wanted: Mapping[str, str | int], unused: Sequ
                            value=str(wanted[role]), expected="a table with a column for each")
 
 
-def _readings(sheet: Sheet, columns: Columns, time: Array, edges: Mask, *, skip_empty: bool) -> Array:
-    """Return the column of the temperature, shape (n,), filled in the rows that hold another power alone.
+def _readings(sheet: Sheet, columns: Columns, edges: Mask, *, skip_empty: bool) -> tuple[Array, Mask]:
+    """Return the column of the temperature, NaN without a reading, and the rows between readings for a power alone.
 
     Raises:
         LogError: as `numbers`: a cell without a reading that is neither such a row nor to be left out.
@@ -300,7 +303,11 @@ def _readings(sheet: Sheet, columns: Columns, time: Array, edges: Mask, *, skip_
         edges | ~sheet.columns[columns.index["temperature"]].where(says_nothing)))
     raw = numbers(sheet, columns, "temperature", "a number (--skip-empty leaves out rows whose cell is empty)",
                   holes=skip_empty or explained, blank="a number (--skip-empty leaves such rows out)", lenient=True)
-    return at_edges(time, raw, edges)
+    known = np.flatnonzero(~np.isnan(raw))
+    between = np.zeros(len(raw), dtype=np.bool_)
+    if len(known):
+        between[known[0]:known[-1]] = np.isnan(raw[known[0]:known[-1]])
+    return raw, edges & between
 
 
 def _power_moves(sheet: Sheet, columns: Columns) -> Mask | None:
@@ -318,41 +325,59 @@ def _power_moves(sheet: Sheet, columns: Columns) -> Mask | None:
 _MOVES: Final = 0.1
 
 
-def _put_back(
-    signals: dict[str, LogSignal], edges: Mask, lost_s: Sequence[float], repairs: list[str], *, recorded: bool,
+def _on_own_clocks(
+    signals: Mapping[str, LogSignal], edges: Mask, lost_s: Sequence[float], repairs: list[str], *, recorded: bool,
     power_every_s: float
 ) -> tuple[dict[str, LogSignal], npt.NDArray[np.intp]]:
-    """Return the rows with those that were not written since nothing changed, and the row that each continues.
+    """Return the signals with their instants, and the row that each reading continues.
 
-    The power may have changed before the row that shows it: up to the row before, where no row is there for the power
-    alone, or an interval of the file that samples the power alone.
+    Readings that were not written since nothing changed are put back. The power may have changed before the row that
+    shows it: up to the row before, where no row is there for the power alone, or an interval of the file that samples
+    the power alone.
+
+    Args:
+        signals: the values of all rows, of the time as well.
+        edges: rows for another power alone, without a reading, shape (n,).
+        lost_s: instants of lost readings since the first row [s].
+        repairs: list to which it is added what was put back.
+        recorded: whether each reading was written.
+        power_every_s: interval of a file that samples the power alone, else 0 [s].
     """
-    time, temperature = signals["time"].values, signals["temperature"].values
-    other = np.zeros(len(time), dtype=np.bool_)
-    for role in ("power", "setpoint"):
-        if role in signals:
-            other[1:] |= np.diff(signals[role].values) != 0.0
-    alone = edges | (other & np.array([False, *(np.diff(temperature) == 0.0)]))
-    own = ~alone
+    rows, source = signals["time"].values, np.flatnonzero(~edges)
+    time, temperature = rows[source], signals["temperature"].values[source]
+    moved = np.zeros(len(rows), dtype=np.bool_)
+    for role in signals.keys() & {"power", "setpoint"}:
+        moved[1:] |= np.diff(signals[role].values) != 0.0
+    own = ~(moved[source] & np.array([False, *(np.diff(temperature) == 0.0)]))
     usual_s = float(np.median(np.diff(time[own]))) if np.count_nonzero(own) > 1 else 0.0
     late_s = power_every_s if power_every_s > _WITHIN * usual_s else 0.0
     written = None if recorded else on_change(time[own], temperature[own])  # a recorder writes each reading
+    if "power" in signals and written is not None:
+        alone = np.ones(len(rows), dtype=np.bool_)
+        alone[source[own]] = False
+        late_s = late_s or _late_s(rows, signals["power"].values, alone, written.interval_s)
+    between = SAMPLES
+    if written is not None:
+        readings = spread(time, temperature, written, np.array(lost_s) + rows[0])
+        put_back = len(readings.source) - len(source)
+        source, time, temperature = source[readings.source], readings.time_s, readings.temperature
+        if put_back:
+            between = ON_CHANGE
+            repairs.append(
+                f"The temperature is written where it changes by {written.step_degC:.3g} °C; {put_back} rows in which "
+                f"it stood were put back, {written.interval_s:.3g} s apart.")
+    changes = np.ones(len(rows), dtype=np.bool_)
+    own_clocks = {}
+    for role, signal in signals.items():
+        if len(time) != len(rows):
+            changes[1:] = np.diff(signal.values) != 0.0
+        clock = time if len(time) == len(rows) else rows[changes]
+        own_clocks[role] = signal._replace(values=signal.values[changes], time_s=clock)
+    own_clocks["time"] = signals["time"]._replace(values=time, time_s=time)
+    own_clocks["temperature"] = signals["temperature"]._replace(values=temperature, between=between, time_s=time)
     if "power" in signals:
-        late_s = late_s or (0.0 if written is None else _late_s(
-            time, signals["power"].values, alone, written.interval_s))
-        signals = {**signals, "power": signals["power"]._replace(late_s=late_s)}
-    if written is None:
-        return signals, np.arange(len(time))
-    rows = spread(time, temperature, written, np.array(lost_s) + time[0])
-    if len(rows.source) == len(time):
-        return signals, rows.source
-    repairs.append(
-        f"The temperature is written where it changes by {written.step_degC:.3g} °C; {len(rows.source) - len(time)} "
-        f"rows in which it stood were put back, {written.interval_s:.3g} s apart.")
-    values = {role: signal.values[rows.source] for role, signal in signals.items()}
-    values |= {"time": rows.time_s, "temperature": rows.temperature}
-    signals["temperature"] = signals["temperature"]._replace(between=ON_CHANGE)
-    return {role: signal._replace(values=values[role]) for role, signal in signals.items()}, rows.source
+        own_clocks["power"] = own_clocks["power"]._replace(late_s=late_s)
+    return own_clocks, source
 
 
 def _late_s(time: Array, power: Array, alone: Mask, interval_s: float) -> float:
@@ -403,37 +428,32 @@ def _opened(
     return plain_cells(sheet), doubts
 
 
-def _with_power_log(sheet: Sheet, settings: ReadSettings) -> tuple[Sheet, ReadSettings]:
+def _with_power_log(sheet: Sheet, settings: ReadSettings, content: bytes | None) -> tuple[Sheet, ReadSettings]:
     """Return the cells with those of the power's own file, if it has one, and how to read them."""
     if settings.power_log is None:
         return sheet, settings
-    return with_power_rows(sheet, _opened(Path(settings.power_log), None, None, ReadSettings())[0], settings)
+    return with_power_rows(sheet, _opened(Path(settings.power_log), None, content, ReadSettings())[0], settings)
 
 
 def _log(
     source: str | Path, table: BuiltIn | None, sheet: Sheet, signals: Mapping[str, LogSignal], repairs: tuple[str, ...],
     doubts: tuple[str, ...], taken: ReadSummary
 ) -> Log:
-    columns: Any = {_FIELDS[role]: signal.values for role, signal in signals.items()}
-    power = columns.get("power_pct")
-    if power is not None:
-        columns["power_pct"] = np.maximum(power, 0.0)
-        columns |= {"cooling_pct": np.maximum(-power, 0.0)} if np.any(power < 0.0) else {}
+    shown = {role: signal for role, signal in signals.items() if role != "time"}
+    if "power" in shown:
+        net = shown["power"]
+        shown["power"] = net._replace(values=np.maximum(net.values, 0.0))
+        if np.any(net.values < 0.0):
+            shown["cooling"] = net._replace(values=np.maximum(-net.values, 0.0))
     try:
         return Log(
             name=table.name if table else display_name(Path(source).stem),
             source=table.source if table else display_name(str(source)),
             repairs=repairs, warnings=doubts, same_heater=table.same_heater if table else (), taken=taken,
-            rests_at_degC=table.rests_at_degC if table else None, pwm_period_s=sheet.pwm_period_s,
-            power_late_s=signals["power"].late_s if "power" in signals else 0.0, **columns,
+            rests_at_degC=table.rests_at_degC if table else None, pwm_period_s=sheet.pwm_period_s, signals=shown,
         )
     except OutOfRange as problem:
         raise LogError(str(problem), file=sheet.file) from problem
-
-
-#: role → field of the log
-_FIELDS: Final = {"time": "time_s", "temperature": "temperature_degC", "power": "power_pct",
-                  "setpoint": "setpoint_degC", "disturbance": "disturbance", "ambient": "ambient_degC"}
 
 
 def _errata(table: BuiltIn, sheet: Sheet, apply: bool, doubts: list[str]) -> Sheet:

@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from heatertune.arrays import Array
 
-__all__ = ["CellColumn", "Grid", "Sheet", "TextParts", "drained"]
+__all__ = ["CellColumn", "Grid", "Sheet", "TextParts", "drain"]
 
 Mask = npt.NDArray[np.bool_]
 Rows = npt.NDArray[np.intp]
@@ -43,7 +43,7 @@ class TextParts(Sequence[str]):
         self._begins: npt.NDArray[np.integer] = begins.astype(kind, copy=False)
         self._ends: npt.NDArray[np.integer] = ends.astype(kind, copy=False)
 
-    def taken(self, places: Rows | Mask | slice) -> TextParts:
+    def at_rows(self, places: Rows | Mask | slice) -> TextParts:
         """Return some of the parts, in the order given."""
         return TextParts(self.text, self._begins[places], self._ends[places])
 
@@ -61,7 +61,7 @@ class TextParts(Sequence[str]):
                 return parts
         return [text[first:last] for first, last in zip(begins.tolist(), ends.tolist(), strict=True)]
 
-    def filled(self) -> Mask:
+    def has_text(self) -> Mask:
         """Return which parts are not empty, shape (n,)."""
         return self._ends > self._begins
 
@@ -73,7 +73,7 @@ class TextParts(Sequence[str]):
 
     def __getitem__(self, place: int | slice) -> str | list[str]:
         if isinstance(place, slice):
-            return list(self.taken(place))
+            return list(self.at_rows(place))
         return self.text[self._begins[place]:self._ends[place]]
 
 
@@ -96,11 +96,11 @@ class CellColumn(Sequence[str]):
             writer.add(part)
         return writer.column()
 
-    def taken(self, places: Rows | Mask | slice) -> CellColumn:
+    def at_rows(self, places: Rows | Mask | slice) -> CellColumn:
         """Return the cells of some rows, in the order given."""
         if self._codes is not None:
             return CellColumn(self._texts, self._codes[places])
-        return CellColumn(self._texts.taken(places)) if isinstance(self._texts, TextParts) else CellColumn.of(
+        return CellColumn(self._texts.at_rows(places)) if isinstance(self._texts, TextParts) else CellColumn.of(
             np.array(self._texts, dtype=object)[places])
 
     def kinds(self) -> Iterable[str]:
@@ -139,9 +139,9 @@ class CellColumn(Sequence[str]):
         return not (isinstance(self._texts, TextParts) and mark not in self._texts.text) and any(
             mark in cell for cell in self.kinds())
 
-    def filled(self) -> Mask:
+    def has_text(self) -> Mask:
         """Return which cells are not empty, shape (n,)."""
-        return self._texts.filled() if isinstance(self._texts, TextParts) else self.where(bool)
+        return self._texts.has_text() if isinstance(self._texts, TextParts) else self.where(bool)
 
     def map(self, change: Callable[[str], str]) -> CellColumn:
         """Return the column with each text changed."""
@@ -179,7 +179,7 @@ class CellColumn(Sequence[str]):
 
     def __getitem__(self, place: int | slice) -> str | list[str]:
         if isinstance(place, slice):
-            return list(self.taken(place))
+            return list(self.at_rows(place))
         return self._texts[place if self._codes is None else self._codes[place]]
 
 
@@ -212,7 +212,7 @@ class _Writer:
         return CellColumn(TextParts("\n".join(self._parts), np.concatenate([[0], ends[:-1]]), ends - 1))
 
 
-def drained(rows: list[list[str]]) -> Iterator[list[str]]:
+def drain(rows: list[list[str]]) -> Iterator[list[str]]:
     """Yield all of a list, and leave it empty: what was yielded need not be held."""
     rows.reverse()
     while rows:
@@ -277,16 +277,17 @@ class Grid(Sequence[list[str]]):
         mask[[k for k, row in self.aside.items() if len(row) != self.width]] = False
         return mask
 
-    def taken(self, wanted: Mask) -> tuple[CellColumn, ...]:
+    def at_rows(self, wanted: Mask) -> tuple[CellColumn, ...]:
         """Return the columns of some rows, of which all are as wide as most."""
         usual = self._usual()
         aside = [k for k in self._places if wanted[k]]
         if not aside:
-            return tuple(column.taken(wanted[usual]) for column in self.columns)
+            return tuple(column.at_rows(wanted[usual]) for column in self.columns)
         places = np.concatenate([usual[wanted[usual]], aside])
         order = np.argsort(places, kind="stable")
-        return tuple(CellColumn.of(chain(column.taken(wanted[usual]), (self.aside[k][i] for k in aside))).taken(order)
-                     for i, column in enumerate(self.columns))
+        return tuple(
+            CellColumn.of(chain(column.at_rows(wanted[usual]), (self.aside[k][i] for k in aside))).at_rows(order)
+            for i, column in enumerate(self.columns))
 
     def _usual(self) -> Rows:
         return np.delete(np.arange(self._number), self._places)
@@ -376,9 +377,9 @@ class Sheet:
         """Return the names of the columns, numbers if the file has none."""
         return self.header or tuple(f"{i + 1}" for i in range(len(self.columns)))
 
-    def picked(self, places: Rows | Mask | slice) -> Sheet:
+    def at_rows(self, places: Rows | Mask | slice) -> Sheet:
         """Return some of the rows, in the order given."""
-        return replace(self, columns=tuple(column.taken(places) for column in self.columns), lines=self.lines[places],
+        return replace(self, columns=tuple(column.at_rows(places) for column in self.columns), lines=self.lines[places],
                        power_lines=None if self.power_lines is None else self.power_lines[places])
 
     def with_column(self, i: int, cells: Iterable[str]) -> Sheet:

@@ -101,7 +101,7 @@ def _is_measured(cells: CellColumn) -> bool:
 def _written(cells: CellColumn) -> CellColumn:
     """Return the cells that hold something."""
     values = cells.floats()
-    return cells if values is not None and not np.any(np.isnan(values)) else cells.taken(~cells.where(says_nothing))
+    return cells if values is not None and not np.any(np.isnan(values)) else cells.at_rows(~cells.where(says_nothing))
 
 
 def quoted(text: str) -> str:

@@ -82,7 +82,7 @@ def hold_series(at: Array, time: Array, cells: CellColumn, *, is_power: bool) ->
     places = np.searchsorted(time, at, side="right") - 1
     late = int(np.count_nonzero(places < 0))
     held = np.maximum(places, 0)
-    values = cells.taken(held)
+    values = cells.at_rows(held)
     if not is_power:
         notes = [f"The setpoint of the first {count(late, 'row')} is taken from after."] if late else []
         return HeldSeries(values, 0, notes, held)
@@ -299,14 +299,14 @@ def _one_tag(
         raise LogError("no cell holds the tag", file=sheet.file, value=wanted, expected="--tag-column, and a tag of it")
     places = sheet.columns[tag].where(wanted.__eq__)
     note = f"Of {len(sheet)} rows the {np.count_nonzero(places)} whose {_name(sheet, tag)!r} is {wanted!r} were read."
-    sheet = replace(sheet.picked(places), repairs=(*sheet.repairs, note))
+    sheet = replace(sheet.at_rows(places), repairs=(*sheet.repairs, note))
     return sheet, good[places], {"tag": wanted, "tag_column": _name(sheet, tag)}
 
 
 def _without_bad(sheet: Sheet, good: npt.NDArray[np.bool_]) -> Sheet:
     if not np.any(good):
         raise LogError("no row is of good quality", file=sheet.file, expected="--quality-column none to read all rows")
-    return replace(sheet.picked(good), repairs=(*sheet.repairs, _bad(sheet, ~good)))
+    return replace(sheet.at_rows(good), repairs=(*sheet.repairs, _bad(sheet, ~good)))
 
 
 def _bad(sheet: Sheet, bad: npt.NDArray[np.bool_]) -> str:
@@ -331,7 +331,7 @@ def _pivoted(
     for role, places in series.items():
         _demand_order(sheet, role, roles[role], time[places], places)
     rows, edges = _with_edges(sheet, value, series, time)
-    others = {role: hold_series(time[rows], time[places], values.taken(places),
+    others = {role: hold_series(time[rows], time[places], values.at_rows(places),
                                 is_power=role == "power")
               for role, places in series.items() if role != "temperature"}
     late = max((other.late for other in others.values()), default=0)
@@ -347,8 +347,8 @@ def _pivoted(
         sheet=replace(
             sheet, comment=(), units=(), lines=sheet.lines[rows[late:]], power_lines=power_lines,
             header=(sheet.header[clock[0]], *(_with_unit(sheet, tag, roles[role], units[role]) for role in series)),
-            columns=(sheet.columns[clock[0]].taken(rows[late:]), _blanked(values, rows[late:], edges),
-                     *(other.cells.taken(slice(late, None)) for other in others.values())),
+            columns=(sheet.columns[clock[0]].at_rows(rows[late:]), _blanked(values, rows[late:], edges),
+                     *(other.cells.at_rows(slice(late, None)) for other in others.values())),
             repairs=(*sheet.repairs, *repairs, *(note for other in others.values() for note in other.notes)),
         ),
         lost=int(np.count_nonzero(bad)) + late,
@@ -376,7 +376,7 @@ def _with_edges(
     if "power" not in series:
         return rows, frozenset()
     power = series["power"]
-    cells = sheet.columns[value].taken(power)
+    cells = sheet.columns[value].at_rows(power)
     changed = power[1:][[a != b for a, b in pairwise(cells)]]
     within = (time[changed] > time[rows[0]]) & (time[changed] < time[rows[-1]])
     edges = changed[within & ~np.isin(time[changed], time[rows])]
@@ -389,14 +389,14 @@ def _with_edges(
 
 def _blanked(cells: CellColumn, rows: npt.NDArray[np.intp], edges: frozenset[int]) -> CellColumn:
     """Return the cells of some rows, empty in those that hold another power alone."""
-    taken = cells.taken(rows)
+    taken = cells.at_rows(rows)
     return taken if not edges else CellColumn.of(
         "" if k in edges else cell for k, cell in zip(rows.tolist(), taken, strict=True))
 
 
 def _stands(sheet: Sheet, value: int, rows: npt.NDArray[np.intp], time: Array) -> bool:
     """Return whether the temperature is written on change."""
-    cells = sheet.columns[value].taken(rows)
+    cells = sheet.columns[value].at_rows(rows)
     plain = plain_quantities(cells)
     readings = (cells if plain is None else plain[0]).floats()
     return readings is not None and on_change(time[rows], readings) is not None
@@ -494,7 +494,7 @@ def _demand_no_likely_power(sheet: Sheet, tags: Sequence[str], tag: int, selecti
     likely = []
     for name in tags:
         if _role_of_tag(name) is None:
-            cells = sheet.columns[value].taken(sheet.columns[tag].where(name.__eq__))
+            cells = sheet.columns[value].at_rows(sheet.columns[tag].where(name.__eq__))
             figures, unit, _ = plain_quantities(cells) or (cells, "", False)
             likely += [name] if likely_power(name, figures, in_percent=unit == "%") else []
     if likely:
@@ -598,7 +598,7 @@ def with_power_rows(sheet: Sheet, powers: Sheet, settings: ReadSettings) -> tupl
     return replace(
         sheet, header=(*sheet.header, name) if sheet.header else (),
         units=(*(sheet.units or ("",) * width), unit) if sheet.units or unit else (),
-        columns=tuple(column.taken(order) for column in (*columns, CellColumn.of(powers_of))),
+        columns=tuple(column.at_rows(order) for column in (*columns, CellColumn.of(powers_of))),
         lines=np.array(lines, dtype=np.int64)[order], power_lines=np.array(power_lines, dtype=np.int64)[order],
         power_every_s=float(np.median(np.diff(power_s))) if sampled else 0.0,
     ), replace(settings, power_column=str(width + 1), date_column=None)
@@ -635,7 +635,7 @@ def _common_s(sheet: Sheet, own: Columns, powers: Sheet, columns: Columns, unit:
         if not holds:
             raise LogError("a time that cannot be compared with those of the other file", file=powers.file,
                            line=int(powers.lines[0]), column=columns.names["time"], value=second, expected=expected)
-    both = sheet.picked(np.zeros(2, dtype=np.intp)).with_column(own.index["time"], [first, second])
+    both = sheet.at_rows(np.zeros(2, dtype=np.intp)).with_column(own.index["time"], [first, second])
     begins = np.diff(seconds(both, own, unit, None, []).values)[0]
     at_s, power_s = (seconds(each, place, unit, None, []).values for each, place in ((sheet, own), (powers, columns)))
     for each, place, time in ((sheet, own, at_s), (powers, columns, power_s)):

@@ -276,7 +276,8 @@ def diagnose(log: Log, loop: LoopEntry, before: FittedModel | None = None) -> Di
     log.demand_heater_alone("which is not judged; without its power the loop is judged by its temperature: "
                             "--power-column none")
     if loop.setpoint_degC is not None:
-        log = replace(log, setpoint_degC=np.full(len(log.time_s), loop.setpoint_degC))
+        log = log.with_rows(setpoint_degC=np.full(len(log.time_s), loop.setpoint_degC))
+    log = log.on_one_clock()  # switchings and mean powers between two readings count
     if log.setpoint_degC is None:
         raise InputError(f"{log.name}: the log holds no setpoint; log it, or give setpoint_degC in the list")
     period = _pwm_period_s(log, loop)

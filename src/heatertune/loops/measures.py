@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
 
@@ -271,8 +271,8 @@ def average_log(log: Log, pwm_period_s: float | None, before_pct: float | None =
     warmth = np.concatenate([log.temperature_degC[:1], middle, log.temperature_degC[-1:]])
     once = _integrated(known, warmth, time + 0.5 * width) - _integrated(known, warmth, time - 0.5 * width)
     rows = np.searchsorted(log.time_s, time + 1e-9 * step, side="right") - 1
-    return replace(
-        log, time_s=time, temperature_degC=once / width, disturbance=None,
+    return log.with_rows(
+        time_s=time, temperature_degC=once / width, disturbance=None,
         power_pct=np.clip(np.diff(twice) / (width * step), 0.0, 100.0),
         setpoint_degC=None if log.setpoint_degC is None else log.setpoint_degC[rows])
 

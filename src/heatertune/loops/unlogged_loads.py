@@ -170,7 +170,7 @@ def reconstruct_power(log: Log, switch: DutySwitch, period_s: float | None) -> L
         energy = np.concatenate([[0.0], np.cumsum(taken[:-1]) * period_s])
         ends = np.append(log.time_s, 2.0 * last - log.time_s[-2])
         power = np.diff(np.interp(ends, begins, energy)) / np.diff(ends)
-    return replace(log, power_pct=np.clip(power, 0.0, 100.0))
+    return log.with_rows(power_pct=np.clip(power, 0.0, 100.0))
 
 
 def with_duty(log: Log, period_s: float) -> Log:
@@ -206,7 +206,7 @@ def with_duty(log: Log, period_s: float) -> Log:
     if float(np.sqrt(np.mean((told - duty)[between] ** 2))) > _OFF * row:
         return log
     rows = np.maximum(np.searchsorted(begins, time + 1e-9 * period_s, side="right") - 1, 0)
-    return replace(log, power_pct=np.where(between, told, np.clip(duty, 0.0, 100.0))[rows])
+    return log.with_rows(power_pct=np.where(between, told, np.clip(duty, 0.0, 100.0))[rows])
 
 
 def _energy(time: Array, values: Array, at: Array) -> Array:
@@ -302,7 +302,7 @@ def without_loads(log: Log, pwm_period_s: float | None = None) -> LoadFreeLog:
     done = risen(since, found.instants, found.lag, found.ratio) @ (found.sizes * found.linear[0])
     loads = sorted(LoadStep(float(log.time_s[0] + at), float(size))
                    for at, size in zip(found.instants, found.sizes, strict=True))
-    return LoadFreeLog(replace(thin, temperature_degC=thin.temperature_degC - done), tuple(loads),
+    return LoadFreeLog(thin.with_rows(temperature_degC=thin.temperature_degC - done), tuple(loads),
                    course.before, float(found.linear[1]) if course.rest else None,
                    _most_dead_time_s(course, found, pwm_period_s or course.step), switch.ticks)
 

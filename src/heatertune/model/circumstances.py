@@ -190,7 +190,7 @@ class DelaysKnown:
         powered = [log for log in logs if log.power_pct is not None]
         if powered:
             fitted = with_late_power(
-                fitted, _interval_s(powered), gap_s=max(log.power_late_s for log in powered),
+                fitted, _interval_s(powered), gap_s=max(log.signals["power"].late_s for log in powered),
                 most_s=self.dead_time_at_most_s, least_s=self.least_dead_time_s(logs))
         return replace(
             fitted, setpoint_degC=setpoint_of(logs[0]), logged_range_degC=logged_range_degC(logs),
@@ -201,8 +201,8 @@ class DelaysKnown:
 
     def _hidden_period_s(self, log: Log) -> float:
         """Return the period of the PWM that a log's power does not show [s]; power that is on or off shows all."""
-        power = log.power_pct
-        shown = power is not None and bool(np.all((power == 0.0) | (power == 100.0)))
+        power = log.signals.get("power")
+        shown = power is not None and bool(np.all((power.values == 0.0) | (power.values == 100.0)))
         if shown:
             return 0.0
         return log.pwm_period_s if self.pwm_period_s is None else self.pwm_period_s

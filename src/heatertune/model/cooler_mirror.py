@@ -59,11 +59,11 @@ def middle_degC(log: Log) -> float:
 def mirrored_log(log: Log, about_degC: float) -> Log:
     """Return the log of the heater for that of a cooler, its temperatures mirrored at one [°C]."""
     setpoint, rest, room = log.setpoint_degC, log.rests_at_degC, log.ambient_degC
-    return replace(
-        log, temperature_degC=2.0 * about_degC - log.temperature_degC,
+    turned = log.with_rows(
+        temperature_degC=2.0 * about_degC - log.temperature_degC,
         setpoint_degC=None if setpoint is None else 2.0 * about_degC - setpoint,
-        ambient_degC=None if room is None else 2.0 * about_degC - room,
-        rests_at_degC=None if rest is None else 2.0 * about_degC - rest)
+        ambient_degC=None if room is None else 2.0 * about_degC - room)
+    return replace(turned, rests_at_degC=None if rest is None else 2.0 * about_degC - rest)
 
 
 def mirrored_model(model: _Model, about_degC: float) -> _Model:

@@ -53,8 +53,7 @@ def poor_remarks(outcome: FitOutcome, fit_pct: float, name: str) -> tuple[Remark
 
 def level_remarks(log: Log) -> tuple[Remark, ...]:
     """Return the findings of a log with only one level of power besides 0; on/off at full power counts as linear."""
-    assert log.power_pct is not None
-    levels = np.unique(np.round(log.power_pct))
+    levels = np.unique(np.round(log.signals["power"].values))
     if len(levels) > _TWO or levels[0] > 0.0 or levels[-1] >= _FULL:
         return ()
     return (Remark("one-level", (

@@ -99,7 +99,7 @@ def fit(
             fitted = _with_switchings(used, with_loss(fit_one(used), loss), bounds)
             fitted = with_relay(used, fitted, ambient_degC=_single(bounds))
         else:
-            fitted, used = fit_two_way(used, fit_one)
+            fitted, (used,) = fit_two_way([used], lambda logs: fit_one(logs[0]))
         loop = loop_remarks(used)
         fitted = _with_better_order(fitted) if loop else fitted
         notes += side_notes
@@ -161,7 +161,7 @@ def _swings_by_rows(log: Log) -> bool:
 def _with_switchings(log: Log, fitted: FittedModel, bounds: Bounds | None) -> FittedModel:
     """Return the fit of a power that switches between rows instead, if it explains the log better."""
     best = fitted.candidates[0]  # the working model: where two lags explain the log better, it is not that
-    switched = fit_logged_switchings(log, fitted.model.dead_time_s, ambient_degC=bounds)
+    switched = fit_logged_switchings(log.on_one_clock(), fitted.model.dead_time_s, ambient_degC=bounds)
     if switched is None or not switched.explains or not switched.is_better(best.rmse_degC, len(log.time_s)):
         return fitted
     kept = tuple(finding for finding in fitted.findings if finding.name in ("one-level", "alias"))
@@ -317,7 +317,11 @@ def fit_together(
         raise InputError(f"{', '.join(names)}: the same log twice adds nothing; name different ones")
     progress(f"fitting one heater to {' and '.join(names)}")
     if powered:
-        fitted = _together(parts, bounds, given.power_before_pct, seed, delays)
+        fit_all = partial(_together, bounds=bounds, power_before_pct=given.power_before_pct, seed=seed, delays=delays)
+        if any("cooling" in log.signals for log in parts):
+            fitted, parts = fit_two_way(parts, fit_all)
+        else:
+            fitted = fit_all(parts)
     else:
         for log in logs:
             _demand_laws(log, laws)
@@ -403,7 +407,6 @@ def _refuse_disturbance(log: Log) -> None:
     if log.disturbance is not None:
         raise InputError(f"{log.name}: the effect of a disturbance can only be fitted from a single log that contains "
                          "the power; leave it out with --disturbance-column none, or log the power")
-    log.demand_heater_alone("which can only be fitted from a single log: fit it separately")
 
 
 def _demand_laws(log: Log, laws: Sequence[ControllerLaw]) -> None:
@@ -478,9 +481,9 @@ def _nearest_end(explanation: Explanation, ambient_degC: Bounds) -> float | None
 
 def _demand_excitation(log: Log, ambient_degC: float | None) -> None:
     """Refuse constant power: gain and ambient, and step response and initial state, would be indistinguishable."""
-    assert log.power_pct is not None
-    if float(np.ptp(log.power_pct)) == 0.0 and ambient_degC is None:
+    power = log.signals["power"].values
+    if float(np.ptp(power)) == 0.0 and ambient_degC is None:
         raise InputError(
-            f"{log.name}: {FitOutcome.NO_POWER_CHANGE.value} The power is {log.power_pct[0]:g} % throughout; "
+            f"{log.name}: {FitOutcome.NO_POWER_CHANGE.value} The power is {power[0]:g} % throughout; "
             "or give --ambient, the temperature without power"
         )

@@ -477,7 +477,7 @@ def oscillating_fopdt(
 
 def with_relay(log: Log, fitted: FittedModel, *, ambient_degC: float | None) -> FittedModel:
     """Return the fit with the results of the log as a relay test, or unchanged if it is not one."""
-    record = find_relay(log, ambient_degC=ambient_degC)
+    record = find_relay(log.on_one_clock(), ambient_degC=ambient_degC)
     if record is None:
         return fitted
     test = estimate(record, ambient_degC=ambient_degC)

@@ -337,7 +337,9 @@ def as_left(
         InputError: a trace in which nothing can be judged; as `foretold`.
         OutOfRange: a setpoint that the sensor does not see or no heater reaches.
     """
-    log.demand_heater_alone("which is not compared; the temperature is, without its power: --power-column none")
+    if proof.actuator.cooling_gain is None:
+        log.demand_heater_alone("which was not proven; the temperature is compared without its power: "
+                                "--power-column none")
     asked, heats = merge_options(AsLeftSettings, settings, changed), not cools(fitted)
     parts = parts_of(log, asked, setpoint_degC=proof.scenario.setpoint_degC, band_degC=_band_degC(proof), heats=heats)
     runs = foretold(words, fitted, proof, parts, asked.ambient_degC, progress)

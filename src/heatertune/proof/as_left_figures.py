@@ -15,7 +15,7 @@ import numpy as np
 from heatertune.arrays import Array
 from heatertune.commissioned import AsLeftSettings
 from heatertune.errors import InputError
-from heatertune.log.log_values import Log
+from heatertune.log.log_values import Log, LogSignal
 from heatertune.model.circumstances import reading_step_degC
 from heatertune.proof.criteria import CRITERION, TIME_OF, CriterionKind, phases_measured
 from heatertune.proof.phase_statistics import (
@@ -306,7 +306,7 @@ class _PartReadings:
     begins_s: float
     time_s: Array
     error_degC: Array
-    power_pct: Array | None
+    power: LogSignal | None
 
     @property
     def length_s(self) -> float:
@@ -432,8 +432,9 @@ class _Ruler:
         long_enough = course.length_s - self.rests_after_s >= _PERIODS_AT_REST * self.period_s
         if not long_enough or np.count_nonzero(at_rest) < _AT_REST:
             return None
-        return replace(course, time_s=course.time_s[at_rest], error_degC=course.error_degC[at_rest],
-                       power_pct=None if course.power_pct is None else course.power_pct[at_rest])
+        time = course.time_s[at_rest]
+        return replace(course, time_s=time, error_degC=course.error_degC[at_rest],
+                       power=course.power and course.power.window(float(time[0]), float(time[-1])))
 
 
 def _course(log: Log, parts: TraceParts, part: TracePart, forgiven_degC: float) -> _PartReadings:
@@ -441,10 +442,12 @@ def _course(log: Log, parts: TraceParts, part: TracePart, forgiven_degC: float) 
     inside = (since >= part.begin_s) & (since <= part.end_s)
     if part is not parts.parts[-1]:
         inside &= since < part.end_s
-    error = log.temperature_degC[inside] - part.setpoint_degC
-    return _PartReadings(part=part, begins_s=parts.begins_s + part.begin_s, time_s=since[inside] - part.begin_s,
-                   error_degC=np.sign(error) * np.maximum(np.abs(error) - forgiven_degC, 0.0),
-                   power_pct=None if log.power_pct is None else log.power_pct[inside])
+    error, time = log.temperature_degC[inside] - part.setpoint_degC, since[inside] - part.begin_s
+    power = log.signals.get("power")
+    if power is not None and len(time):
+        power = power._replace(time_s=power.time_s - parts.begins_s - part.begin_s).window(time[0], time[-1])
+    return _PartReadings(part=part, begins_s=parts.begins_s + part.begin_s, time_s=time, power=power,
+                   error_degC=np.sign(error) * np.maximum(np.abs(error) - forgiven_degC, 0.0))
 
 
 def _worst(measurements: Iterable[TraceMeasurement]) -> TraceMeasurement:
@@ -502,7 +505,7 @@ def _at_rest(
 def _reserve(rests: Sequence[_PartReadings], ruler: _Ruler, *, at_best: bool) -> TraceMeasurement:
     """Return the power that is left over at rest at the highest setpoint."""
     held = [rest for rest in rests if abs(rest.part.setpoint_degC - ruler.highest_degC) <= ruler.band_degC
-            and rest.part.kind != "recovery" and rest.power_pct is not None]
+            and rest.part.kind != "recovery" and rest.power is not None]
     if not held:
         return TraceMeasurement(None, "no power at the highest setpoint's rest in the trace")
     if any(map(_is_pulses, held)) and not ruler.shows_pulses:
@@ -515,9 +518,11 @@ def _mean(time_s: Array, values: Array) -> float:
 
 
 def _mean_power(rest: _PartReadings) -> float:
-    """Return the mean of a power that is held from one reading to the next [%]."""
-    assert rest.power_pct is not None
-    return float(np.sum(rest.power_pct[:-1] * np.diff(rest.time_s)) / (rest.time_s[-1] - rest.time_s[0]))
+    """Return the mean of a power that is held from one of its instants to the next [%]."""
+    assert rest.power is not None
+    time, end = rest.power.time_s, rest.time_s[-1]
+    held_s = np.diff(time if time[-1] == end else np.append(time, end))
+    return float(np.sum(rest.power.values[:len(held_s)] * held_s) / (end - rest.time_s[0]))
 
 
 def _unsure_pct(rest: _PartReadings, ruler: _Ruler) -> float:
@@ -527,8 +532,8 @@ def _unsure_pct(rest: _PartReadings, ruler: _Ruler) -> float:
 
 def _is_pulses(rest: _PartReadings) -> bool:
     """Return whether a power is that of a switch, not that asked for."""
-    assert rest.power_pct is not None
-    return bool(np.isin(rest.power_pct, (0.0, 100.0)).all())
+    assert rest.power is not None
+    return bool(np.isin(rest.power.values, (0.0, 100.0)).all())
 
 
 def _ripple(rest: _PartReadings, period_s: float) -> float:
@@ -544,9 +549,10 @@ def _too_slow(ruler: _Ruler) -> TraceMeasurement:
 
 
 def _switchings(log: Log, ruler: _Ruler) -> TraceMeasurement:
-    power = log.power_pct
-    if power is None or not np.all((power == 0.0) | (power == 100.0)):
+    power = log.signals.get("power")
+    if power is None or not np.isin(power.values, (0.0, 100.0)).all():
         return TraceMeasurement(None, "the heater's switch is not in the trace")
-    if not ruler.shows_pulses:
+    if not ruler.shows_pulses and power.time_s is log.time_s:
         return _too_slow(ruler)
-    return TraceMeasurement(float(np.count_nonzero(np.diff(power) > 0.0)) / (float(np.ptp(log.time_s)) / _HOUR_S))
+    closings = float(np.count_nonzero(np.diff(power.values) > 0.0))
+    return TraceMeasurement(closings / (float(np.ptp(log.time_s)) / _HOUR_S))

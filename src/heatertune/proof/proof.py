@@ -40,7 +40,7 @@ from heatertune.proof.long_outage import (
     nights_of,
 )
 from heatertune.proof.proof_document import OutcomeView, ProofView, RunView, with_digest
-from heatertune.proof.runs import AllRuns, Runs, uncharged
+from heatertune.proof.runs import AllRuns, Runs, outside_budget
 from heatertune.proof.scenario import Scenario
 from heatertune.proof.specification import Specification
 from heatertune.proof.trace import Trace
@@ -484,7 +484,7 @@ def _after_a_night(
                     for closely in (False, True))
     findings, broken = list[Finding](), dict[str, tuple[Run, ...]]()
     for first, closer in zip(coarse, fine, strict=True):
-        with uncharged(only_told=first.name in ONLY_TOLD):
+        with outside_budget(only_told=first.name in ONLY_TOLD):
             told = _judged_after(runs, results, coverage, first, closer)
         if found := closer.findings(criterion for _, criteria in told for criterion in criteria):
             findings += found

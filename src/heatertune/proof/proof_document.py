@@ -84,9 +84,13 @@ class LogView:
     warnings: tuple[str, ...]
     taken: TakenView | None
     cooling_pct: Numbers | None = field(default=None, metadata=LEFT_OUT)
+    #: role → instants and values of signals that have instants of their own
+    signals: Mapping[str, tuple[Numbers, Numbers]] | None = field(default=None, metadata=LEFT_OUT)
 
     def __post_init__(self) -> None:
         _demand_drawable(time_s=self.time_s, temperature_degC=self.temperature_degC)
+        for role, (time, values) in (self.signals or {}).items():
+            _demand_drawable(time_s=time, **{role: values})
         for name, column in (("power_pct", self.power_pct), ("setpoint_degC", self.setpoint_degC),
                              ("cooling_pct", self.cooling_pct)):
             if column is not None:

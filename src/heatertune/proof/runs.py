@@ -51,7 +51,7 @@ from heatertune.proof.scenario import Scenario, conditions, delay_heater, events
 from heatertune.proof.trace import Trace
 
 __all__ = ["MOST_SCANS", "AllRuns", "Runs", "SearchBudget", "count_scans", "judged_once", "measure_runs",
-           "uncharged"]
+           "outside_budget"]
 
 
 #: that a search simulates where nothing else is said: about a minute of a processor, several times what most take
@@ -117,7 +117,7 @@ def count_scans(scans: float) -> None:
 
 
 @contextmanager
-def uncharged(*, only_told: bool = True) -> Iterator[None]:
+def outside_budget(*, only_told: bool = True) -> Iterator[None]:
     """Charge no budget within the block if the result of its runs is only told: they must not end a search."""
     mark = _budgets.set(() if only_told else _budgets.get())
     try:

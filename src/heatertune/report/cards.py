@@ -93,9 +93,9 @@ def _log_pictures(value: Log) -> Sequence[Panel]:
         ax.plot(*thinned(value.time_s, value.temperature_degC), **LOOK["log"])
         ax.set(xlabel="time [s]", ylabel="temperature [°C]")
 
-    if value.power_pct is None:
+    if (power := value.signals.get("power")) is None:
         return [Panel(2.4, temperature)]
-    return [Panel(2.55, temperature), _power(0.85, [(value.time_s, value.power_pct, "log")])]
+    return [Panel(2.55, temperature), _power(0.85, [(*power.until(float(value.time_s[-1])), "log")])]
 
 
 @panels.register

@@ -133,7 +133,8 @@ def plot_fit(log: Part, residuals: Part) -> Figure:
     top.set_ylabel("temperature [°C]")
     key(top, ("log", "log"), ("model", "model"))
     for ax in middle:
-        ax.step(log["time_s"], log["power_pct"], where="post", label="power", **LOOK["log"])
+        time, power = (log.get("signals") or {}).get("power", (log["time_s"], log["power_pct"]))
+        ax.step(time, power, where="post", label="power", **LOOK["log"])
         ax.set(ylabel="power [%]", ylim=(-4, 104))
     error = np.subtract(residuals["measured_degC"], residuals["simulated_degC"])
     low.plot(residuals["time_s"], error, label="residual", **LOOK["model"])

@@ -366,7 +366,7 @@ class Page:
             paper = ui.button("Use the paper's table 4", on_click=lambda: self._open("table4"))
             paper.props("outline dense color=white")
             self._upload = ui.upload(
-                auto_upload=True, max_file_size=LARGEST_LOG, on_upload=self._dropped,
+                multiple=True, auto_upload=True, max_file_size=LARGEST_LOG, on_multi_upload=self._dropped,
                 on_rejected=lambda: self._tell_error("the file is larger than 50 MB"),
             ).classes("hidden")
             ui.button("Record a running loop", on_click=self._ask_live).props("outline dense color=white")
@@ -475,10 +475,11 @@ class Page:
     async def _read(self, name: str, content: bytes) -> None:
         await self._sheet.open(name, content)
 
-    async def _dropped(self, event: events.UploadEventArguments) -> None:
-        name, content = event.file.name, await event.file.read()
+    async def _dropped(self, event: events.MultiUploadEventArguments) -> None:
+        files = [(file.name, await file.read()) for file in event.files]
         self._upload.reset()
-        await self._read(name, content)
+        for name, content in files:
+            await self._read(name, content)
 
     async def _use(self, dropped: DroppedFile) -> None:
         log, known = dropped.to_log()

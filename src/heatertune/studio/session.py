@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Final, TypeVar
 
 from heatertune import chain
-from heatertune.chain.documents import read_documents
+from heatertune.chain.documents import read_documents, with_own_clocks
 from heatertune.errors import ExportRefused, HeatertuneError, InputError
 from heatertune.log.log_values import BUILT_IN, Log
 from heatertune.model.model_document import from_document
@@ -76,7 +76,8 @@ def read_source(source: str) -> LogSource:
     held = documents["log"]
     columns = {name: held[name] for name in ("name", "source", "time_s", "temperature_degC", "power_pct",
                                               "setpoint_degC")} | {"cooling_pct": held.get("cooling_pct")}
-    log = Log(**columns, repairs=tuple(held["repairs"]), warnings=tuple(held["warnings"]))
+    log = with_own_clocks(Log(**columns, repairs=tuple(held["repairs"]), warnings=tuple(held["warnings"])),
+                          held.get("signals") or {})
     fitted, design, recipe = from_document(documents["model"]), *pid_document.parts_of(documents["pid"])
     settings = StudioSettings(target=documents["words"]["target"], structure=documents["pid"]["structure"])
     if recipe is None:

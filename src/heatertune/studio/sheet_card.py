@@ -126,6 +126,7 @@ class DroppedFile:
 
     Attributes:
         name, content: of the file.
+        power_content: of the power's own file, which `settings` name; None: there is none.
         settings: how it is read.
         assumed: what the user adds.
         log: None where it cannot be read.
@@ -138,6 +139,7 @@ class DroppedFile:
 
     name: str
     content: bytes = field(repr=False)
+    power_content: bytes | None = field(default=None, repr=False)
     settings: ReadSettings = field(default_factory=ReadSettings)
     assumptions: SheetAssumptions = field(default_factory=SheetAssumptions)
     log: Log | None = None
@@ -149,17 +151,28 @@ class DroppedFile:
 
     @classmethod
     def of(
-        cls, name: str, content: bytes, settings: ReadSettings | None = None, assumed: SheetAssumptions | None = None
+        cls, name: str, content: bytes, settings: ReadSettings | None = None, assumed: SheetAssumptions | None = None,
+        power_content: bytes | None = None,
     ) -> DroppedFile:
-        """Return how a file is understood; whatever it holds, this never fails."""
+        """Return how a file is understood; whatever it holds, this never fails.
+
+        Args:
+            name: of the file.
+            content: of the file.
+            settings: how it is read; None: as it is found.
+            assumed: what the user adds; None: nothing.
+            power_content: of the power's own file, which `settings` name; None: there is none.
+        """
         plain = Path(name.replace("\\", "/").replace("\0", "")).name or "log.csv"
         settings, assumed = settings or ReadSettings(), assumed or SheetAssumptions()
         log, problem = None, ""
         try:
-            log = _assuming(replace(read_log(plain, settings, content=content), source=plain), assumed)
+            log = _assuming(replace(
+                read_log(plain, settings, content=content, power_content=power_content), source=plain), assumed)
         except HeatertuneError as refused:
             problem = str(refused)
-        given: dict[str, Any] = {"settings": settings, "assumptions": assumed, "log": log, "problem": problem}
+        given: dict[str, Any] = {"settings": settings, "assumptions": assumed, "log": log, "problem": problem,
+                                 "power_content": power_content}
         sheet = None
         with suppress(LogError, IndexError):
             sheet = plain_cells(with_names(read_sheet(
@@ -209,16 +222,28 @@ class DroppedFile:
     def read(self, **changed: Any) -> DroppedFile:
         """Return the file read with other settings; what is out of range is told and changes nothing."""
         try:
-            return DroppedFile.of(self.name, self.content, replace(self.settings, **changed), self.assumptions)
+            return DroppedFile.of(self.name, self.content, replace(self.settings, **changed), self.assumptions,
+                                  self.power_content)
         except HeatertuneError as refused:
             return self.with_problem(refused)
 
     def assume(self, **changed: float | None) -> DroppedFile:
         """Return the file with other assumptions; errors as in `read`."""
         try:
-            return DroppedFile.of(self.name, self.content, self.settings, replace(self.assumptions, **changed))
+            return DroppedFile.of(self.name, self.content, self.settings, replace(self.assumptions, **changed),
+                                  self.power_content)
         except HeatertuneError as refused:
             return self.with_problem(refused)
+
+    def with_file(self, file: DroppedFile) -> DroppedFile:
+        """Return both files as one log where one holds a temperature alone and one its power, else the new."""
+        for first, second in ((self, file), (file, self)):
+            if first.log is not None and first.log.power_pct is None and second.log is None:
+                both = DroppedFile.of(first.name, first.content, replace(first.settings, power_log=second.name),
+                                      first.assumptions, second.content)
+                if both.log is not None:
+                    return both
+        return file
 
     def with_problem(self, problem: HeatertuneError) -> DroppedFile:
         """Return the file with what is wrong with the last change."""
@@ -337,7 +362,7 @@ def _assuming(log: Log, assumed: SheetAssumptions) -> Log:
     if assumed.power_pct is None or log.power_pct is not None:
         return log
     told = f"The power is not in the file; taken as {assumed.power_pct:g} % throughout, as you say."
-    return replace(log, power_pct=np.full(len(log.time_s), assumed.power_pct), repairs=(*log.repairs, told))
+    return replace(log, repairs=(*log.repairs, told)).with_rows(power_pct=np.full(len(log.time_s), assumed.power_pct))
 
 
 def _reading(sheet: Sheet, settings: ReadSettings) -> dict[str, Any]:
@@ -510,7 +535,9 @@ def _rest(dropped: DroppedFile) -> str:
 
 def _assumptions(dropped: DroppedFile) -> str:
     """Return what the file does not say: ambient, power before, and a constant power where none is logged."""
-    assumed, powered = dropped.assumptions, any(column.role == "power" for column in (*dropped.columns, *dropped.tags))
+    assumed = dropped.assumptions
+    powered = dropped.power_content is not None or any(
+        column.role == "power" for column in (*dropped.columns, *dropped.tags))
     fields = [_number("ambient temperature in °C, if known", "ambient_degC", 0, assumed.ambient_degC,
                       "°C ambient (empty: found by the fit)"),
               _number("power before the log in percent, if known", "power_before_pct", 0, assumed.power_before_pct,
@@ -552,14 +579,15 @@ def _number(name: str, change: str, place: int, value: object, label: str) -> st
 
 def preview(log: Log) -> str:
     """Return the log as a small picture: temperature, and below it power where it is logged."""
-    time, temperature, power = log.time_s, log.temperature_degC, log.power_pct
+    time, temperature, signal = log.time_s, log.temperature_degC, log.signals.get("power")
+    power_s, power = (time, None) if signal is None else signal.until(float(time[-1]))
     low, high = float(temperature.min()), float(temperature.max())
     below = 0 if power is None else _LOW + _EDGE
     said = (f"Temperature from {low:.4g} to {high:.4g} °C in {time[-1] - time[0]:.4g} s"
             + ("" if power is None else f", power from {power.min():.4g} to {power.max():.4g} %"))
     lines = _path(time, temperature, (low, high), (_EDGE, _HIGH), "temperature")
     if power is not None:
-        lines += _path(time, power, (0.0, 100.0), (_HIGH + _EDGE, _HIGH + _EDGE + _LOW), "power", fixed=True)
+        lines += _path(power_s, power, (0.0, 100.0), (_HIGH + _EDGE, _HIGH + _EDGE + _LOW), "power", fixed=True)
     return (f'<figure class="preview"><svg viewBox="0 0 {_WIDE} {_HIGH + below + _EDGE}" role="img" '
             f'aria-label="{text_of(said)}">{lines}</svg><figcaption>{text_of(said)}</figcaption></figure>')
 
@@ -612,8 +640,12 @@ class SheetCard:
         self.close()
 
     async def open(self, name: str, content: bytes) -> None:
-        """Show how a file is understood."""
-        self._show(await asyncio.to_thread(DroppedFile.of, name, content))
+        """Show how a file is understood, together with one that waits where one holds the other's power."""
+        async with self._in_turn:  # of two files that are dropped together, the second finds the first
+            dropped = await asyncio.to_thread(DroppedFile.of, name, content)
+            if (before := self._dropped) is not None:
+                dropped = await asyncio.to_thread(before.with_file, dropped)
+            self._show(dropped)
         self._title.client.run_javascript("document.getElementById('sheet-title').focus()")
 
     def show(self, *, proven: bool) -> None:
@@ -629,7 +661,8 @@ class SheetCard:
 
     def _show(self, dropped: DroppedFile) -> None:
         self._dropped = dropped
-        self._title.set_content(f"The file as read: {text_of(dropped.name)}")
+        names = " and ".join(filter(None, (dropped.name, dropped.settings.power_log)))
+        self._title.set_content(f"The file as read: {text_of(names)}")
         self._content.set_content(sheet(dropped))
         for button in (self._take, self._against):
             button.set_enabled(dropped.log is not None)

@@ -39,7 +39,7 @@ class NumberedLines(Sequence[Line]):
     def where(self, holds: Callable[[str], bool]) -> NumberedLines:
         """Return the lines whose text fulfils a condition."""
         kept = np.fromiter(map(holds, self.texts), dtype=np.bool_, count=len(self))
-        return self if kept.all() else NumberedLines(self.numbers[kept], self.texts.taken(kept))
+        return self if kept.all() else NumberedLines(self.numbers[kept], self.texts.at_rows(kept))
 
     def __len__(self) -> int:
         return len(self.texts)

@@ -173,9 +173,8 @@ def _other_edges(log: Log, problem: PowerProblem, fit: PowerFit, dead: Interval 
     The instant of the change is unknown, so the dead time may be longer by up to the gap: the longest that fits is
     used.
     """
-    assert log.power_pct is not None
-    step = np.diff(log.time_s)
-    places = 1 + np.flatnonzero((step > GAP * np.median(step)) & (np.diff(log.power_pct) != 0.0))
+    step, at_reading = np.diff(log.time_s), np.isin(log.time_s[1:], log.signals["power"].changes[0][1:])
+    places = 1 + np.flatnonzero((step > GAP * np.median(step)) & at_reading)
     ways = [places, *(places[i : i + 1] for i in range(len(places)))] if len(places) > 1 else [places]
     late_s = float(fit.vector[1]) if dead is None or dead.high is None else dead.high
     for way in ways[: _WAYS + 1] if len(places) else ():

@@ -69,8 +69,7 @@ def without_disturbance(log: Log) -> tuple[Log, DisturbanceEffect]:
         InputError: the disturbance or the power never changes, they change together, or no heater explains the log.
     """
     assert log.disturbance is not None
-    assert log.power_pct is not None
-    if float(np.ptp(log.power_pct)) == 0.0:
+    if float(np.ptp(log.signals["power"].values)) == 0.0:
         raise InputError(f"{log.name}: the power never changes, so no disturbance can be expressed in power: log a "
                          "step of each")
     calm, strong = np.percentile(log.disturbance, TAILS_PCT).tolist()
@@ -81,11 +80,11 @@ def without_disturbance(log: Log) -> tuple[Log, DisturbanceEffect]:
     effect, through = _effect(log, calm, strong, f"the disturbance {_named(log)!r} moves with the power, so their "
                               "effects cannot be separated: log a step of it with constant power, or leave it out: "
                               "--disturbance-column none")
-    cleared = replace(log, disturbance=None)
+    cleared = log.with_rows(disturbance=None)
     if not effect.acts:
         return cleared, effect
     course = _problem(log, most=len(log.time_s)).disturbance.basis(_vector(through.z[:-1], effect.delay_s))[GAIN]
-    return replace(cleared, temperature_degC=log.temperature_degC - through.linear[-1] * (course - calm)), effect
+    return cleared.with_rows(temperature_degC=log.temperature_degC - through.linear[-1] * (course - calm)), effect
 
 
 def cooling_effect(log: Log) -> CoolingEffect:
@@ -94,18 +93,18 @@ def cooling_effect(log: Log) -> CoolingEffect:
     Raises:
         InputError: the power never changes, the cooler moves with the heater, or no heater explains the log.
     """
-    assert log.cooling_pct is not None
-    assert log.power_pct is not None
-    if float(np.ptp(log.power_pct)) == 0.0:
+    power, cooling = log.signals["power"].values, log.signals["cooling"].values
+    if float(np.ptp(power)) == 0.0:
         raise InputError(f"{log.name}: the heater's power never changes, so a cooler cannot be expressed in it: log a "
                          "step of each, or fit the cooler alone: --power-levels 0 -100 --cooler")
-    most = float(np.max(log.cooling_pct))
+    most = float(np.max(cooling))
     inseparable = (
         "the cooler is on whenever the heater is off, so their effects cannot be separated: log a while with both off; "
         f"or read a signal of both as one power, 0 % at full cooling: --power-levels {-most:g} 100")
-    effect, _ = _effect(replace(log, disturbance=log.cooling_pct), 0.0, most, inseparable, by_controller=True)
+    effect, _ = _effect(replace(log, signals=dict(log.signals) | {"disturbance": log.signals["cooling"]}), 0.0, most,
+                        inseparable, by_controller=True)
     low, high = effect.pct_per_unit_ci95
-    coarse = abs(effect.pct_per_unit) * _NORMAL * math.hypot(_rounding(log.power_pct), _rounding(log.cooling_pct))
+    coarse = abs(effect.pct_per_unit) * _NORMAL * math.hypot(_rounding(power), _rounding(cooling))
     return CoolingEffect(
         cooling_gain=-effect.pct_per_unit, cooling_gain_ci95=(-high - coarse, -low + coarse), lead_s=effect.lead_s,
         lead_s_ci95=effect.lead_s_ci95, delta_bic=effect.delta_bic, delta_bic_own_lag=effect.delta_bic_own_lag,
@@ -165,17 +164,15 @@ def _named(log: Log) -> str:
 
 
 def _problem(log: Log, most: int = _READINGS) -> _Problem:
-    assert log.disturbance is not None
     power = Readings.of(log)
-    changes = np.concatenate([[True], np.diff(log.disturbance) != 0.0])
-    course = replace(power, edge_s=log.time_s[changes], level_pct=log.disturbance[changes])
+    edge_s, level = log.signals["disturbance"].changes
     thin = power.average(most)
     held = PowerProblem(readings=thin, two_lags=True)
     length, sample = float(np.ptp(log.time_s)), float(np.median(np.diff(log.time_s)))
     lags = (math.log(0.5 * sample), math.log(FAR * length))
     bounds = np.array([lags, (0.0, length / 4.0), (0.01, 0.98), (0.0, length / 4.0)])
     return _Problem(held, PowerProblem(readings=replace(
-        thin, edge_s=course.edge_s, level_pct=course.level_pct), two_lags=True), bounds)
+        thin, edge_s=edge_s, level_pct=level), two_lags=True), bounds)
 
 
 def _vector(heater: Array, delay_s: float) -> Array:
@@ -230,17 +227,15 @@ def _late_edges(log: Log, problem: _Problem, fit: _Fit) -> Array:
 
     A signal changes at any instant of the interval before the row that shows it: evenly spread.
     """
-    assert log.disturbance is not None
-    assert log.power_pct is not None
     interval = float(np.median(np.diff(log.time_s)))
     rows: list[Array] = []
-    for held, delay, gain in ((log.power_pct, fit.z[1], fit.linear[0]), (log.disturbance, fit.z[-1], fit.linear[-1])):
-        steps = np.diff(held)
+    for role, delay, gain in (("power", fit.z[1], fit.linear[0]), ("disturbance", fit.z[-1], fit.linear[-1])):
+        steps = np.diff(log.signals[role].values)
         largest = np.argsort(-np.abs(steps))[:_EDGES]
         # the small ones that are left out add up to as much as their squares
         rest = math.sqrt(float(steps @ steps) / max(float(steps[largest] @ steps[largest]), 1e-300))
         for place in largest[steps[largest] != 0.0]:
-            edge = float(log.time_s[place + 1])
+            edge = float(log.signals[role].time_s[place + 1])
             pulse = PowerProblem(two_lags=True, readings=replace(
                 problem.power.readings, edge_s=np.array([log.time_s[0] - interval, edge - interval, edge]),
                 level_pct=np.array([0.0, steps[place], 0.0])))

@@ -26,7 +26,7 @@ from heatertune.model.model_values import Fopdt
 from heatertune.model.outliers import replace_outliers, without_outliers
 from heatertune.model.power.changed_heater import refuse_changed
 from heatertune.model.power.feedback import WRONG_SIGN, demand_cause, explains, follows_temperature, is_feedback
-from heatertune.model.power.load_steps import bic_of, refit_all, with_events, without_events
+from heatertune.model.power.load_steps import bic_of, is_sensible, refit_all, with_events, without_events
 from heatertune.model.power.loss_fit import LossFit
 from heatertune.model.power.nonlinear import Bend, judged_linear
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
@@ -185,11 +185,7 @@ def jumps(record: Array, simulated: Array) -> Places:
 
 def part(log: Log, rows: npt.NDArray[np.bool_]) -> Log:
     """Return those of a log's readings that the mask `rows`, shape (n,), takes."""
-    setpoint, power = log.setpoint_degC, log.power_pct
-    return replace(
-        log, time_s=log.time_s[rows], temperature_degC=log.temperature_degC[rows],
-        power_pct=None if power is None else power[rows], setpoint_degC=None if setpoint is None else setpoint[rows],
-    )
+    return log.part(rows)
 
 
 def _apart(left: Array, place: int) -> float:
@@ -379,6 +375,8 @@ def _after(problem: PowerProblem, share: float) -> _Opened | None:
     fit = begun.fit()
     if fit.model is None or not _explains(begun.readings.temperature_degC, fit.simulated_degC):
         return None
+    if not is_sensible(begun, fit):
+        return None  # of a step down, this fit may hold what remains of the power for the room
     instants = np.linspace(time[rows][len(time[rows]) // 2], time[-_OPEN_CIRCUIT_FEWEST], _INSTANTS)
     squares = [float(np.sum((_without(problem, fit, instant) - record) ** 2)) for instant in instants]
     place = int(np.argmin(squares))

@@ -236,7 +236,6 @@ def longest_hold_s(log: Log, problem: PowerProblem) -> float:
 
 def _readings(log: Log, problem: PowerProblem, outliers: npt.NDArray[np.intp]) -> list[str]:
     notes = []
-    assert log.power_pct is not None
     step = sensor_step(log.temperature_degC)
     if step is not None:
         notes.append(f"The sensor's readings come in steps of {step:.3g} °C.")
@@ -245,7 +244,7 @@ def _readings(log: Log, problem: PowerProblem, outliers: npt.NDArray[np.intp]) -
         more = f" and {len(outliers) - _NAMED} more" if len(outliers) > _NAMED else ""
         notes.append(f"Readings far from their neighbours were given no weight: {len(outliers)} (at {named} s{more}).")
     if problem.readings.averaged > 1:
-        merged = len(problem.readings.edge_s) <= np.count_nonzero(np.diff(log.power_pct))
+        merged = len(problem.readings.edge_s) <= np.count_nonzero(np.diff(log.signals["power"].values))
         notes.append(
             f"Runs of up to {problem.readings.averaged} readings were averaged for the search, "
             "and the model over the same runs; the power's edges were kept exactly"
@@ -255,11 +254,10 @@ def _readings(log: Log, problem: PowerProblem, outliers: npt.NDArray[np.intp]) -
 
 
 def _power_before(log: Log, problem: PowerProblem) -> list[str]:
-    assert log.power_pct is not None
     notes = []
     if problem.ambient_degC is not None:
         notes.append(f"The ambient temperature of {problem.ambient_degC:g} °C was stated, not fitted.")
-    first = log.power_pct[0]
+    first = log.signals["power"].values[0]
     if problem.at_rest and first != problem.power_before:
         notes.append(
             f"The log begins with {first:g} % power already on; it was taken as {problem.power_before:g} %, and the "
@@ -295,9 +293,10 @@ def _disturbed(log: Log, problem: PowerProblem, fit: PowerFit) -> list[str]:
 
 def _cut(log: Log, model: HeaterModel | None, instant_s: float) -> str:
     """Return the option that leaves out a load, for a message, if enough of the log is before it to be fitted."""
-    if log.power_pct is None or model is None or not np.any(moves := np.diff(log.power_pct) != 0.0):
+    power = log.signals.get("power")
+    if power is None or model is None or len(power.changes[0]) < 2:
         return ""
-    least_s = log.time_s[1:][moves][0] + model.dead_time_s + _CUT_TIMES * sum(model.lags_s)
+    least_s = power.changes[0][1] + model.dead_time_s + _CUT_TIMES * sum(model.lags_s)
     return f" (--until {math.floor(instant_s)} leaves it out)" if instant_s > least_s else ""
 
 

@@ -7,7 +7,6 @@ and its open points give several power records, which the fit compares.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Final, NamedTuple, Protocol
 
 import numpy as np
@@ -74,7 +73,7 @@ def replay_controller(log: Log, controller: KnownController, setpoint_degC: floa
     asked = np.full(scans, setpoint_degC) if log.setpoint_degC is None or setpoint_degC is not None else (
         log.setpoint_degC[held])
     power = controller.power_pct(np.interp(instants, time, log.temperature_degC + offset_degC), asked)
-    return replace(log, power_pct=np.clip(_mean(time, instants, power), 0.0, 100.0))
+    return log.with_rows(power_pct=np.clip(_mean(time, instants, power), 0.0, 100.0))
 
 
 def _mean(time: Array, instants: Array, power: Array) -> Array:

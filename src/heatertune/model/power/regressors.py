@@ -56,12 +56,9 @@ class Readings:
     @classmethod
     def of(cls, log: Log) -> Readings:
         """Return the readings of a log with power, one for one."""
-        assert log.power_pct is not None
-        changes = np.concatenate([[True], np.diff(log.power_pct) != 0.0])
-        return cls(
-            time_s=log.time_s, half_s=np.zeros(len(log.time_s)), temperature_degC=log.temperature_degC,
-            edge_s=log.time_s[changes], level_pct=log.power_pct[changes],
-        )
+        edge_s, level_pct = log.signals["power"].changes
+        return cls(time_s=log.time_s, half_s=np.zeros(len(log.time_s)), temperature_degC=log.temperature_degC,
+                   edge_s=edge_s, level_pct=level_pct)
 
     def average(self, most: int) -> Readings:
         """Return the readings averaged to about `most`: more, where gaps and edges end a run early."""

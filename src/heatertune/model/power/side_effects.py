@@ -21,7 +21,7 @@ import numpy as np
 from heatertune.arrays import Array
 from heatertune.compiled import compile_function
 from heatertune.errors import InputError
-from heatertune.log.log_values import Log
+from heatertune.log.log_values import Log, LogSignal
 from heatertune.model.diagnostics import Remark, findings_of
 from heatertune.model.disturbance import CoolingEffect, DisturbanceEffect, LossEffect
 from heatertune.model.model_values import Candidate, FittedModel, HeaterModel
@@ -61,18 +61,18 @@ class _LossSolution(NamedTuple):
     bic: float
 
 
-def without_loss(log: Log, name: str, side: Array) -> tuple[Log, LossEffect] | None:
+def without_loss(log: Log, name: str, side: LogSignal) -> tuple[Log, LossEffect] | None:
     """Return a log as if a fan had always been at its calm level, and the effect; None if the loss is not multiplied.
 
     Args:
         log: with power.
         name: of the fan, for messages.
-        side: its level, shape (n,).
+        side: its level.
     """
-    calm, strong = np.percentile(side, TAILS_PCT).tolist()
+    calm, strong = np.percentile(side.at(log.time_s), TAILS_PCT).tolist()
     if not strong > calm:
         return None
-    inputs = _inputs(log, np.clip((side - calm) / (strong - calm), 0.0, 1.0))
+    inputs = _inputs(log, side._replace(values=np.clip((side.values - calm) / (strong - calm), 0.0, 1.0)))
     none, load, loss = (_searched(inputs, kind) for kind in ("none", "load", "loss"))
     if loss.bic > min(load.bic, none.bic) - _SURE or loss.linear[0] <= 0.0:
         return None
@@ -83,18 +83,16 @@ def without_loss(log: Log, name: str, side: Array) -> tuple[Log, LossEffect] | N
     still = inputs._replace(blown=np.zeros(len(inputs.blown)))
     moved = (_columns(inputs, loss.z, "loss", whole=True) - _columns(still, loss.z, "loss", whole=True)) @ loss.linear
     middle = inputs.time_s[:-1] + 0.5 * np.diff(inputs.time_s)
-    return replace(log, temperature_degC=log.temperature_degC - np.interp(log.time_s, middle, moved)), effect
+    return log.with_rows(temperature_degC=log.temperature_degC - np.interp(log.time_s, middle, moved)), effect
 
 
-def _inputs(log: Log, side: Array) -> _Inputs:
+def _inputs(log: Log, side: LogSignal) -> _Inputs:
     """Return the held signals on a uniform grid, finer than the readings where these are few."""
-    assert log.power_pct is not None
     time = log.time_s - log.time_s[0]
     count = max(_READINGS, min(_GRID, len(time)) // _READINGS * _READINGS)
     grid = np.linspace(0.0, time[-1], count + 1)
     steps = np.diff(time)
-    sums = [np.interp(grid, time, np.concatenate([[0.0], np.cumsum(values[:-1] * steps)]))
-            for values in (log.power_pct, side)]
+    sums = [signal.integral(grid, log.time_s[0]) for signal in (log.signals["power"], side)]
     readings = np.concatenate([[0.0], np.cumsum(0.5 * (log.temperature_degC[1:] + log.temperature_degC[:-1]) * steps)])
     ends = grid[:: count // _READINGS]
     measured = np.diff(np.interp(ends, time, readings)) / np.diff(ends)
@@ -207,9 +205,9 @@ def cleared(log: Log) -> tuple[Log, DisturbanceEffect | None, LossEffect | None]
     name = ("disturbance" if log.taken is None else log.taken.columns["disturbance"][0]).strip("'")
     log.demand_heater_alone(f"and {name!r} acts next to it: leave the latter out (--disturbance-column none) where it "
                             "does not change, or log a step of each alone")
-    multiplied = without_loss(log, name, log.disturbance)
+    multiplied = without_loss(log, name, log.signals["disturbance"])
     if multiplied is not None:
-        return replace(multiplied[0], disturbance=None), None, multiplied[1]
+        return multiplied[0].with_rows(disturbance=None), None, multiplied[1]
     return *without_disturbance(log), None
 
 
@@ -220,8 +218,8 @@ def in_its_room(log: Log, bounds: Bounds | None) -> tuple[Log, Bounds | None, tu
         log: with power.
         bounds: the ambient as the user states it, which counts; None: as the log has it.
     """
-    room, log = log.ambient_degC, replace(log, ambient_degC=None)
-    if room is None:
+    column, room, log = log.signals.get("ambient"), log.ambient_degC, log.with_rows(ambient_degC=None)
+    if column is None or room is None:
         return log, bounds, ()
     low, high = np.percentile(room, TAILS_PCT).tolist()
     if bounds is not None or high + _SENSOR_DEGC >= float(log.temperature_degC.max()):
@@ -230,39 +228,79 @@ def in_its_room(log: Log, bounds: Bounds | None) -> tuple[Log, Bounds | None, tu
     notes = f"The ambient was taken from the column of the room's temperature, {low:.3g}…{high:.3g} °C"
     if log.cooling_pct is None and high - low > _MOVES * float(np.ptp(log.temperature_degC)):
         try:
-            steady, effect = without_disturbance(replace(log, disturbance=room))
+            steady, effect = without_disturbance(
+                replace(log, signals=dict(log.signals) | {"disturbance": column}))
         except InputError:
             effect = None
         if effect is not None and effect.acts and effect.pct_per_unit > 0.0:
-            return (replace(steady, disturbance=log.disturbance), (low - _SENSOR_DEGC, low + _SENSOR_DEGC),
+            return (steady.with_rows(disturbance=log.disturbance), (low - _SENSOR_DEGC, low + _SENSOR_DEGC),
                     (f"{notes}; the readings were fitted as if it had always been {low:.3g} °C.",))
     return log, (low - _SENSOR_DEGC, high + _SENSOR_DEGC), (f"{notes}.",)
 
 
-def fit_two_way(log: Log, fit_one: Callable[[Log], FittedModel]) -> tuple[FittedModel, Log]:
-    """Return the heater of a log with a cooler, and the log with one power, below 0 where it cools.
+def fit_two_way(
+    logs: Sequence[Log], fit_all: Callable[[Sequence[Log]], FittedModel]
+) -> tuple[FittedModel, list[Log]]:
+    """Return the heater of logs of which some hold a cooler, and the logs with one power, below 0 where it cools.
 
     The heater is fitted with the best cooling gain and with both ends of its interval; its intervals hold all three.
+    Logs of one heater have one cooler.
 
     Raises:
-        InputError: as `cooling_effect`.
+        InputError: as `cooling_effect`; coolers that differ, or one of several logs that multiplies the heat loss.
     """
-    assert log.cooling_pct is not None
-    alone = replace(log, cooling_pct=None)
-    effect, multiplied = cooling_effect(log), without_loss(alone, "the cooler", log.cooling_pct)
-    if multiplied is not None:
-        still, loss = multiplied
-        fitted = fit_one(still)
-        effect = _as_power(effect, loss, fitted, log.temperature_degC[log.cooling_pct > 0.0])
-        return _with_cooling(with_loss(fitted, loss), log, effect), still
-    shifted = log if effect.at_once else replace(log, cooling_pct=_earlier(log.time_s, log.cooling_pct, effect.lead_s))
+    cooled = [log for log in logs if "cooling" in log.signals]
+    effects = [cooling_effect(log) for log in cooled]
+    lossy = [without_loss(log.with_rows(cooling_pct=None), "the cooler", log.signals["cooling"]) for log in cooled]
+    for log, multiplied in zip(cooled, lossy, strict=True):
+        if multiplied is not None and len(logs) > 1:
+            raise InputError(f"{log.name}: the cooler multiplies the heat loss, which can only be fitted from a single "
+                             "log: fit it separately")
+        if multiplied is not None:
+            still, loss = multiplied
+            fitted = fit_all([still])
+            cools = log.signals["cooling"].at(log.time_s) > 0.0
+            effect = _as_power(effects[0], loss, fitted, log.temperature_degC[cools])
+            return _with_cooling(with_loss(fitted, loss), cooled, effect), [still]
+    effect, leads_s = _of_all(cooled, effects), {id(log): 0.0 if each.at_once else each.lead_s
+                                                 for log, each in zip(cooled, effects, strict=True)}
     gains = (effect.cooling_gain, *effect.cooling_gain_ci95)
-    middle, *ends = (shifted.with_net_power(max(gain, 0.0)) for gain in gains)
-    fitted, others = fit_one(middle), [fit_one(end) for end in ends]
+    middle, *ends = ([_net(log, max(gain, 0.0), leads_s.get(id(log))) for log in logs] for gain in gains)
+    fitted, others = fit_all(middle), [fit_all(end) for end in ends]
     ci95 = {name: _hull([own, *(other.ci95.get(name) for other in others)]) for name, own in fitted.ci95.items()}
     parts = tuple(replace(fitted.candidates[0], model=other.model, part=f"cooling gain at its {end} end")
                   for other, end in zip(others, ("low", "high"), strict=True))
-    return _with_cooling(replace(fitted, ci95=ci95, candidates=(*fitted.candidates, *parts)), log, effect), middle
+    return _with_cooling(replace(fitted, ci95=ci95, candidates=(*fitted.candidates, *parts)), cooled, effect), middle
+
+
+def _net(log: Log, cooling_gain: float, lead_s: float | None) -> Log:
+    """Return a log with one power, its cooler so much earlier [s]; None: it has no cooler."""
+    if lead_s is None:
+        return log
+    cooling = _earlier(log.signals["cooling"], lead_s) if lead_s else log.signals["cooling"]
+    return replace(log, signals=dict(log.signals) | {"cooling": cooling}).with_net_power(cooling_gain)
+
+
+def _of_all(logs: Sequence[Log], effects: Sequence[CoolingEffect]) -> CoolingEffect:
+    """Return the cooler of several logs, each weighted by its interval.
+
+    Raises:
+        InputError: two intervals do not meet.
+    """
+    if len(effects) == 1:
+        return effects[0]
+    low = max(range(len(effects)), key=lambda i: effects[i].cooling_gain_ci95[0])
+    high = min(range(len(effects)), key=lambda i: effects[i].cooling_gain_ci95[1])
+    if effects[low].cooling_gain_ci95[0] > effects[high].cooling_gain_ci95[1]:
+        raise InputError(
+            f"{logs[low].name} and {logs[high].name}: their coolers differ, {effects[low].cooling_gain:.3g} and "
+            f"{effects[high].cooling_gain:.3g} times full heating, so they are not of one heater and cooler; fit them "
+            "separately")
+    halves = np.array([0.5 * (effect.cooling_gain_ci95[1] - effect.cooling_gain_ci95[0]) for effect in effects])
+    weights = halves**-2.0 / np.sum(halves**-2.0)
+    gain, half = float(weights @ [effect.cooling_gain for effect in effects]), float(np.sum(halves**-2.0)) ** -0.5
+    return replace(max(effects, key=lambda effect: effect.delta_bic), cooling_gain=gain,
+                   cooling_gain_ci95=(gain - half, gain + half))
 
 
 def _hull(intervals: Sequence[Interval | None]) -> Interval | None:
@@ -282,16 +320,16 @@ def _as_power(effect: CoolingEffect, loss: LossEffect, fitted: FittedModel, cool
                    delta_bic=loss.delta_bic, delta_bic_loss=loss.delta_bic_as_power)
 
 
-def _earlier(time: Array, values: Array, lead_s: float) -> Array:
-    """Return a held signal as it is so much later, on the same rows, shape (n,)."""
-    rows = np.searchsorted(time, time + lead_s, side="right") - 1
-    return values[np.clip(rows, 0, len(values) - 1)]
+def _earlier(signal: LogSignal, lead_s: float) -> LogSignal:
+    """Return a held signal as it is so much later, at the same instants."""
+    rows = np.searchsorted(signal.time_s, signal.time_s + lead_s, side="right") - 1
+    return signal._replace(values=signal.values[np.clip(rows, 0, len(rows) - 1)])
 
 
-def _with_cooling(fitted: FittedModel, log: Log, effect: CoolingEffect) -> FittedModel:
-    if log.taken is not None and "power" in log.taken.assumed:  # whether it cools below 0 has to be stated first
-        return replace(fitted, cooling=effect)
-    name = log.name
+def _with_cooling(fitted: FittedModel, logs: Sequence[Log], effect: CoolingEffect) -> FittedModel:
+    if any(log.taken is not None and "power" in log.taken.assumed for log in logs):
+        return replace(fitted, cooling=effect)  # whether it cools below 0 has to be stated first
+    name = " and ".join(log.name for log in logs)
     remarks = [Remark("cooler", f"{name}: {effect.sentence}{''.join(f' But {doubt}.' for doubt in effect.doubts)}")]
     if effect.misleads:
         remarks.append(Remark("cooler-differs", f"{name}: {'; '.join(effect.doubts)}."))

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import replace
 from functools import lru_cache
 from typing import Final, NamedTuple
 
@@ -496,7 +495,7 @@ def _constant_power_rmse(log: Log) -> float:
     The power may begin after a rest, and may end at any instant or never.
     """
     every = max(1, len(log.time_s) // _READINGS)
-    thin = replace(log, time_s=log.time_s[::every], temperature_degC=log.temperature_degC[::every], setpoint_degC=None)
+    thin = log.with_rows(time_s=log.time_s[::every], temperature_degC=log.temperature_degC[::every], setpoint_degC=None)
     y = thin.temperature_degC
     left, peak = int(np.argmax(y > float(y[0]) + 0.05 * float(np.ptp(y)))), int(np.argmax(y))
     coarse = np.unique(np.linspace(max(2, peak // 2), peak, _INSTANTS).astype(np.intp))
@@ -514,7 +513,7 @@ def _pulse_rmse(log: Log, first: int, last: int) -> float:
     """Return the error of one lag or two with power on between two readings [°C]."""
     power = np.zeros(len(log.time_s))
     power[first:last] = 100.0
-    readings = Readings.of(replace(log, power_pct=power))
+    readings = Readings.of(log.with_rows(power_pct=power))
     problems = (PowerProblem(readings=readings, two_lags=two, at_rest=rest, power_before_pct=0.0)
                 for two, rest in ((True, True), (True, False), (False, True)))
     errors = (log.temperature_degC - problem.fit().simulated_degC for problem in problems)

@@ -543,7 +543,7 @@ def _thinned(logs: Sequence[Log]) -> tuple[list[Log], tuple[str, ...]]:
             notes.append(f"Of {len(log.time_s)} readings of {log.name} every {every}th was used.")
         setpoint = None if log.setpoint_degC is None else log.setpoint_degC[::every]
         temperature = log.temperature_degC[::every]
-        thin.append(replace(log, time_s=log.time_s[::every], temperature_degC=temperature, setpoint_degC=setpoint))
+        thin.append(log.with_rows(time_s=log.time_s[::every], temperature_degC=temperature, setpoint_degC=setpoint))
     return thin, tuple(notes)
 
 

@@ -280,7 +280,8 @@ _PERIPHERY: Final = re.compile(r"\bPV_PER\s*:?=\s*[^\s,;)]", re.IGNORECASE)
 def from_text(text: str, sample_time_s: float | None, origin: str) -> ReadBack:
     """Return the words in the source of CONT_C's instance data block, in a call, or in a list as a thread shows it.
 
-    A parameter that a data block leaves out is missing; a call or list leaves out what has the block's own default.
+    A parameter that a data block leaves out is missing; a call or list leaves out what has the block's own default,
+    and MAN_ON, whose default is TRUE, where it shows a loop in automatic mode.
 
     Raises:
         InputError: as `read_source` and `put_pasted`; a call that leaves open whether D acts or where the reading is.
@@ -295,7 +296,8 @@ def from_text(text: str, sample_time_s: float | None, origin: str) -> ReadBack:
             raise InputError(f"{origin}: no {name}; expected a line {name} := TRUE or {name} := FALSE")
     if sample_time_s is not None:
         collected.assume({"CYCLE": round(1000.0 * sample_time_s)})
-    assumed = collected.assume(DEFAULTS, _IDLE)
+    assumed = tuple(f"{each} (automatic mode; the block's own default is TRUE)" if each.startswith("MAN_ON") else each
+                    for each in collected.assume(DEFAULTS, _IDLE))
     return ReadBack(collected.values(), unread_lines(plain, asked), assumed=assumed)
 
 
