@@ -480,9 +480,8 @@ class RedesignSearch:
         """Return a design that says that the search ended early, where it did."""
         if not self.budget.spent:
             return result
-        told, heard = f"{self.budget.message}; this is the best so far", result.proof.diagnostics
-        return replace(result, notes=(*result.notes, f"{told[0].upper()}{told[1:]}."),
-                       proof=replace(result.proof, diagnostics=replace(heard, remarks=(*heard.remarks, told))))
+        told = f"{self.budget.message}; this is the best so far"
+        return replace(result, notes=(*result.notes, f"{told[0].upper()}{told[1:]}."), proof=result.proof.led_by(told))
 
     def _mended(self) -> Iterator[DesignResult]:
         """Yield what keeps every limit of each frame, and does not wind up."""
