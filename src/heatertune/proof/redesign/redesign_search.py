@@ -688,7 +688,8 @@ class RedesignSearch:
         heard = tried.proof.diagnostics
         proof = replace(tried.proof, diagnostics=replace(heard, remarks=(*heard.remarks, f"with {what}")))
         refined = self.request.refined and by is self.first.choice
-        recipe = replace(tried.recipe, power_most_pct=frame.power_most_pct, refined=refined)
+        recipe = replace(tried.recipe, power_most_pct=frame.power_most_pct, window_degC=frame.window_degC,
+                         refined=refined)
         mended = replace(tried, proof=proof, recipe=recipe,
                          notes=(change_sentence(self.first, tried, what), *tried.notes))
         if winds_up(heard):
