@@ -104,11 +104,12 @@ KINDS: Final[dict[str, FindingKind]] = {
         "state a smaller range (--setpoint), allow that overshoot (--limit reheat-overshoot), or keep it in manual "
         "while the circuit is open"),
     "loaded-outage": FindingKind(
-        "blocks", "it does not come to rest after an open circuit while a load is held: its boost starts again "
-                  "and again",
+        "blocks", "it does not come to rest after an open circuit or a restart while a load is held: its boost starts "
+                  "again and again",
         "leave out the boost (--boost none), or keep it in manual while the circuit is open"),
     "loaded-window": FindingKind(
-        "blocks", "an open circuit while a load is held leaves it swinging outside PID_FUNCTIONAL_RANGE",
+        "blocks", "an open circuit or a restart while a load is held leaves it swinging outside "
+                  "PID_FUNCTIONAL_RANGE",
         "build the firmware with a wider PID_FUNCTIONAL_RANGE (heatertune design tries some), or take the load away "
         "before the circuit is closed again"),
     "outage-below": FindingKind(

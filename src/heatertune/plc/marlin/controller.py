@@ -378,7 +378,8 @@ Marlin = controller_of(FirmwarePid(
     law=PARALLEL, cold=COLD, assumptions=MarlinAssumptions, parameters=_parameters,
     export=_export, text=from_text, settings_in={name: partial(_settings, name) for name in (_HEADER, _CODE)},
     further={
-        "tick_s": 0.001, "pwm_period_s": 0.127, "derivative_filter": 0.95, "window": "PID_FUNCTIONAL_RANGE", "scan_all": staticmethod(_scan),
+        "tick_s": 0.001, "pwm_period_s": 0.127, "derivative_filter": 0.95, "scan_all": staticmethod(_scan),
         "text_of_heater": staticmethod(from_text), "again_degC": _again_degC, "forgets_degC": _forgets_degC,
+        "window": "PID_FUNCTIONAL_RANGE",
     },
 ))

@@ -16,8 +16,8 @@ from heatertune.plc import Words, controller_for
 from heatertune.plc.pwm import HALF_WAVE_S, in_ticks
 from heatertune.proof.design_request import DesignRequest, DesignResult
 from heatertune.proof.heaters import RESERVE_PCT, ROOM_DEGC
-from heatertune.proof.long_outage import OVERSHOOTS as OF_NIGHTS
 from heatertune.proof.long_outage import LOADED, WINDOW, briefly, wound
+from heatertune.proof.long_outage import OVERSHOOTS as OF_NIGHTS
 from heatertune.proof.proof import Proof
 from heatertune.proof.prove_words import default_pwm_period_s
 from heatertune.proof.ripple_and_wear import holding_power_pct, ripple_at
