@@ -26,12 +26,14 @@ from heatertune.settings import TuneSettings
 from heatertune.units import written
 
 __all__ = [
-    "COARSE", "OF_WINDUP", "DesignChange", "Pwm", "broken", "calmest_pwm", "change_sentence", "costs",
+    "COARSE", "DEAR", "OF_WINDUP", "DesignChange", "Pwm", "broken", "calmest_pwm", "change_sentence", "costs",
     "default_changes", "design_changes", "gains_told", "more_iae", "output_limits", "shorter_intervals", "unwinds",
     "wider_windows",
 ]
 
 
+#: more IAE of load disturbances: then another change may be the cheaper one
+DEAR: Final = 0.3
 _NOTICED: Final = 0.1  # a smaller change of heat-up or switchings is not told
 _NEAR: Final = 0.05  # a factor nearer to 1 is told with a digit more
 _SAME: Final = 0.005  # a factor of gains nearer to 1 is not told

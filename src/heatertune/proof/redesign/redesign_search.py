@@ -28,15 +28,15 @@ from heatertune.plc.word_selection import choose_words
 from heatertune.processors import ProgressCallback
 from heatertune.proof import Proof
 from heatertune.proof.design_request import Candidate, DesignRequest, DesignResult, plainly
-from heatertune.proof.long_outage import BELOW, briefly, sums_up, winds_up
+from heatertune.proof.long_outage import briefly, sums_up, winds_up
 from heatertune.proof.nearest_specification import settings_told
-from heatertune.proof.prove_words import every_setpoint, prove, tune_settings_for
+from heatertune.proof.prove_words import every_setpoint, tune_settings_for
 from heatertune.proof.redesign.design_changes import (
+    DEAR,
     OF_WINDUP,
     DesignChange,
     broken,
     change_sentence,
-    costs,
     default_changes,
     design_changes,
     gains_told,
@@ -45,6 +45,7 @@ from heatertune.proof.redesign.design_changes import (
     shorter_intervals,
     unwinds,
 )
+from heatertune.proof.redesign.lower_setpoint import kept_below
 from heatertune.proof.redesign.suggestion import Suggestion, passing_told
 from heatertune.proof.runs import MOST_SCANS, SearchBudget, judged_once
 from heatertune.proof.setpoint_ramp import BY_RAMP
@@ -216,7 +217,6 @@ def _turned(design: PidDesign) -> PidDesign:
     return replace(design, gain_pct_per_degC=-design.gain_pct_per_degC)
 
 
-_DEAR: Final = 0.3  # more IAE of load disturbances: then another change may be the cheaper one
 _CHEAPER: Final = 0.8  # of the price of the first that passes: what saves less is not worth its changes
 _SOONER: Final = 1 / 16  # of TA: what two levels swing by hangs on the dead time alone then
 _HELPS: Final = 0.9  # of the least badness so far: where a change leaves more, no gains are looked for around it
@@ -246,28 +246,26 @@ def find_passing_design(fitted: FittedModel, request: DesignRequest, *, progress
 @judged_once()
 def closed_on_runs(
     fitted: FittedModel, request: DesignRequest, *, ways_on: bool = True, freeing: bool = True,
-    verdict_only: bool = False,
-    progress: ProgressCallback = str, stage: ProgressCallback = str,
+    verdict_only: bool = False, progress: ProgressCallback = str, stage: ProgressCallback = str,
 ) -> DesignResult:
     """Return what `closed` does before the exported text is run: for who does so a little later, with `as_exported`.
 
     Args:
         fitted: as `closed`.
         request: likewise.
-        ways_on: whether what else would pass is looked for, too.
+        ways_on: whether what else would pass is looked for, and what keeps the limits below the setpoint as well.
         freeing: whether that may leave open what is fixed of the design; not where the search itself has fixed it.
         verdict_only: whether only the verdict counts: of what winds up nothing else that would pass is looked for.
-        progress: likewise.
-        stage: likewise.
+        progress, stage: likewise.
     """
     fitted = for_setpoints(fitted, every_setpoint(fitted, request.conditions))
     still = request if request.as_is else replace(request, setpoint_ramp=request.setpoint_ramp or "none")
     with SearchBudget(scans=math.inf) as plain:
         first = plainly(fitted, still, text=False, progress=progress, stage=stage)
-    if request.as_is:
-        return first
-    if first.proof.verdict != "FAIL" and not (first.proof.design and winds_up(first.proof.diagnostics)):
-        return _kept_below(first, fitted, request, progress) if ways_on else first
+    below = partial(kept_below, fitted=fitted, request=request, close=closed_on_runs, progress=progress)
+    if request.as_is or (first.proof.verdict != "FAIL"
+                         and not (first.proof.design and winds_up(first.proof.diagnostics))):
+        return below(first) if ways_on and not request.as_is else first
     search = RedesignSearch(
         fitted_model=fitted, request=request, first=first, progress=progress, freeing=freeing,
         verdict_only=verdict_only, has_dear_proofs=plain.used > _DEAR_PROOF * MOST_SCANS)
@@ -276,52 +274,7 @@ def closed_on_runs(
         return mended or first
     if mended is None:
         return search.way_on.with_suggestion(search.budget.message if search.budget.spent else "")
-    return _kept_below(replace(mended, notes=(*mended.notes, *search.hints(mended))), fitted, request, progress)
-
-
-def _kept_below(
-    found: DesignResult, fitted: FittedModel, request: DesignRequest, progress: ProgressCallback
-) -> DesignResult:
-    """Return a design whose limits hold after an open circuit at the test sequence's lower setpoint as well.
-
-    It is made as for a range of setpoints down to that one. Where there is none, or it is dear, what was found stays:
-    its proof tells what breaks a limit there.
-
-    Args:
-        found: a design.
-        fitted: the heater and its candidates.
-        request: what it was found for.
-        progress: told what is tried.
-    """
-    scenario, low_degC = found.proof.scenario, found.proof.scenario.lower_setpoint_degC
-    if found.proof.verdict != "PASS" or low_degC is None or not _tells_below(found.proof) or not found.proof.design:
-        return found
-    progress(f"an open circuit at {low_degC:.4g} °C overshoots: trying a design for "
-             f"{low_degC:.4g} to {scenario.setpoint_degC:.4g} °C")
-    try:
-        other = closed_on_runs(
-            fitted, replace(request, conditions=replace(
-                request.conditions, setpoint_degC=(low_degC, scenario.setpoint_degC))),
-            ways_on=False, verdict_only=True, progress=progress)
-        if other.proof.verdict != "PASS" or more_iae(found, other) > _DEAR:
-            return found
-        conditions = replace(other.conditions, setpoint_degC=found.conditions.setpoint_degC)
-        proof = prove(other.proof.words, fitted, conditions, progress=progress)
-    except HeatertuneError:  # the range is too small for a test sequence, or there is no such design
-        return found
-    if proof.verdict != "PASS" or _tells_below(proof):
-        return found
-    changes = [remark for remark in other.proof.diagnostics.remarks if remark.startswith("with ")]
-    heard = replace(proof.diagnostics, remarks=(*proof.diagnostics.remarks, *changes))
-    note = (f"The first design that passes overshoots more than allowed after an open circuit at {low_degC:.4g} °C; "
-            f"{''.join(f'{change}, ' for change in changes)}this one does not; {costs(found, other)}.")
-    return replace(other, proof=replace(proof, diagnostics=heard), conditions=conditions, notes=(note,), recipe=replace(
-        other.recipe, conditions=replace(
-            other.recipe.conditions, setpoint_degC=found.recipe.conditions.setpoint_degC)))
-
-
-def _tells_below(proof: Proof) -> bool:
-    return any(finding.name == BELOW for finding in proof.diagnostics.findings)
+    return below(replace(mended, notes=(*mended.notes, *search.hints(mended))))
 
 
 @dataclass(slots=True, kw_only=True)
@@ -507,7 +460,7 @@ class RedesignSearch:
         with self.budget:
             for mended in () if sums_up(self.first.proof.diagnostics) else self._mended():
                 self.dear.append(mended)
-                if more(mended) <= _DEAR:
+                if more(mended) <= DEAR:
                     return mended
             wound = tuple(self.wound)
             if not self.dear and (wound or self._windup_alone):
@@ -663,7 +616,7 @@ class RedesignSearch:
             return
         hanging = settings_told(self.first.proof, "the optimum")
         yield from hanging
-        if not hanging and more_iae(self.first, mended) > _DEAR and (told := self._cheaper_setting(mended)):
+        if not hanging and more_iae(self.first, mended) > DEAR and (told := self._cheaper_setting(mended)):
             yield f"It {told}."
 
     def _cheaper_setting(self, mended: DesignResult) -> str:

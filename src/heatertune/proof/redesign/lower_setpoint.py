@@ -1,0 +1,68 @@
+"""A design whose limits hold after an open circuit at a lower setpoint, too, where there is one at little cost."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Final
+
+from heatertune.errors import HeatertuneError
+from heatertune.model.model_values import FittedModel
+from heatertune.processors import ProgressCallback
+from heatertune.proof.design_request import DesignRequest, DesignResult
+from heatertune.proof.long_outage import BELOW
+from heatertune.proof.proof import Proof
+from heatertune.proof.prove_words import prove
+from heatertune.proof.redesign.design_changes import costs, more_iae
+
+__all__ = ["kept_below"]
+
+#: more IAE of load disturbances than of the first design that passes, as a share
+_DEAREST: Final = 0.5
+
+
+def kept_below(
+    found: DesignResult, fitted: FittedModel, request: DesignRequest, *, close: Callable[..., DesignResult],
+    progress: ProgressCallback,
+) -> DesignResult:
+    """Return a design whose limits hold after an open circuit at the test sequence's lower setpoint as well.
+
+    It is made as for a range of setpoints down to that one. Where there is none, or it is dear, what was found stays:
+    its proof tells what breaks a limit there.
+
+    Args:
+        found: a design.
+        fitted: the heater and its candidates.
+        request: what it was found for.
+        close: `heatertune.proof.redesign.redesign_search.closed_on_runs`.
+        progress: told what is tried.
+    """
+    scenario, low_degC = found.proof.scenario, found.proof.scenario.lower_setpoint_degC
+    if found.proof.verdict != "PASS" or low_degC is None or not _tells_below(found.proof) or not found.proof.design:
+        return found
+    progress(f"an open circuit at {low_degC:.4g} °C overshoots: trying a design for "
+             f"{low_degC:.4g} to {scenario.setpoint_degC:.4g} °C")
+    try:
+        other = close(
+            fitted, replace(request, conditions=replace(
+                request.conditions, setpoint_degC=(low_degC, scenario.setpoint_degC))),
+            ways_on=False, verdict_only=True, progress=progress)
+        if other.proof.verdict != "PASS" or more_iae(found, other) > _DEAREST:
+            return found
+        conditions = replace(other.conditions, setpoint_degC=found.conditions.setpoint_degC)
+        proof = prove(other.proof.words, fitted, conditions, progress=progress)
+    except HeatertuneError:  # the range is too small for a test sequence, or there is no such design
+        return found
+    if proof.verdict != "PASS" or _tells_below(proof):
+        return found
+    changes = [remark for remark in other.proof.diagnostics.remarks if remark.startswith("with ")]
+    heard = replace(proof.diagnostics, remarks=(*proof.diagnostics.remarks, *changes))
+    note = (f"The first design that passes overshoots more than allowed after an open circuit at {low_degC:.4g} °C; "
+            f"{''.join(f'{change}, ' for change in changes)}this one does not; {costs(found, other)}.")
+    return replace(other, proof=replace(proof, diagnostics=heard), conditions=conditions, notes=(note,), recipe=replace(
+        other.recipe, conditions=replace(
+            other.recipe.conditions, setpoint_degC=found.recipe.conditions.setpoint_degC)))
+
+
+def _tells_below(proof: Proof) -> bool:
+    return any(finding.name == BELOW for finding in proof.diagnostics.findings)
