@@ -256,7 +256,8 @@ def closed_on_runs(
         ways_on: whether what else would pass is looked for, and what keeps the limits below the setpoint as well.
         freeing: whether that may leave open what is fixed of the design; not where the search itself has fixed it.
         verdict_only: whether only the verdict counts: of what winds up nothing else that would pass is looked for.
-        progress, stage: likewise.
+        progress: likewise.
+        stage: likewise.
     """
     fitted = for_setpoints(fitted, every_setpoint(fitted, request.conditions))
     still = request if request.as_is else replace(request, setpoint_ramp=request.setpoint_ramp or "none")
@@ -524,8 +525,8 @@ class RedesignSearch:
             sooner: whether at shorter intervals than the design's, even below the log's: the boost ends by up to an
                 interval of full power too late.
         """
-        has_boost = self._boost_open and controller_for(self.request.target).has_boost
-        if not (has_boost and self.by_optimum) or (sooner and self._interval_given):
+        can_boost = self._boost_open and self.by_optimum and controller_for(self.request.target).has_boost
+        if not can_boost or (sooner and self._interval_given):
             return None
         why = "what passes winds up in a long open circuit" if wound else f"{broken(self.first)} fails"
         self.progress(f"{why}: trying a boost with other gains")
@@ -579,7 +580,7 @@ class RedesignSearch:
         return None
 
     def sooner(self, *, ways_on: bool) -> DesignResult | None:
-        """Return a control without gains that passes as it scans more often; None where it does not, or must not."""
+        """Return a control without gains that passes as it scans more often; else None."""
         if self.request.tune_settings.sample_time_s is not None:
             return None
         timer = controller_for(self.request.target).timer
@@ -687,9 +688,8 @@ class RedesignSearch:
         what = " and ".join(filter(None, (gains, self.summary(frame), held))) + ("" if boost is None else f" ({boost})")
         heard = tried.proof.diagnostics
         proof = replace(tried.proof, diagnostics=replace(heard, remarks=(*heard.remarks, f"with {what}")))
-        refined = self.request.refined and by is self.first.choice
         recipe = replace(tried.recipe, power_most_pct=frame.power_most_pct, window_degC=frame.window_degC,
-                         refined=refined)
+                         refined=self.request.refined and by is self.first.choice)
         mended = replace(tried, proof=proof, recipe=recipe,
                          notes=(change_sentence(self.first, tried, what), *tried.notes))
         if winds_up(heard):
