@@ -22,23 +22,25 @@ _DEAREST: Final = 0.5
 
 
 def kept_below(
-    found: DesignResult, fitted: FittedModel, request: DesignRequest, *, close: Callable[..., DesignResult],
-    progress: ProgressCallback,
+    found: DesignResult, *, fitted: FittedModel, request: DesignRequest, dear: bool,
+    close: Callable[..., DesignResult], progress: ProgressCallback,
 ) -> DesignResult:
     """Return a design whose limits hold after an open circuit at the test sequence's lower setpoint as well.
 
-    It is made as for a range of setpoints down to that one. Where there is none, or it is dear, what was found stays:
-    its proof tells what breaks a limit there.
+    It is made as for a range of setpoints down to that one. Where there is none, it costs too much, or a proof has so
+    many scans that another search takes too long, what was found stays: its proof tells what breaks a limit there.
 
     Args:
         found: a design.
         fitted: the heater and its candidates.
-        request: what it was found for.
+        request: what it was found for; nothing is searched for words that stay as they are.
+        dear: whether a proof has so many scans.
         close: `heatertune.proof.redesign.redesign_search.closed_on_runs`.
         progress: told what is tried.
     """
     scenario, low_degC = found.proof.scenario, found.proof.scenario.lower_setpoint_degC
-    if found.proof.verdict != "PASS" or low_degC is None or not _tells_below(found.proof) or not found.proof.design:
+    searches = not (dear or request.as_is or found.proof.design is None)
+    if not searches or found.proof.verdict != "PASS" or low_degC is None or not _tells_below(found.proof):
         return found
     progress(f"an open circuit at {low_degC:.4g} °C overshoots: trying a design for "
              f"{low_degC:.4g} to {scenario.setpoint_degC:.4g} °C")

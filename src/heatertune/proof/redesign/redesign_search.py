@@ -263,13 +263,14 @@ def closed_on_runs(
     still = request if request.as_is else replace(request, setpoint_ramp=request.setpoint_ramp or "none")
     with SearchBudget(scans=math.inf) as plain:
         first = plainly(fitted, still, text=False, progress=progress, stage=stage)
-    below = partial(kept_below, fitted=fitted, request=request, close=closed_on_runs, progress=progress)
-    if request.as_is or (first.proof.verdict != "FAIL"
-                         and not (first.proof.design and winds_up(first.proof.diagnostics))):
-        return below(first) if ways_on and not request.as_is else first
+    dear = plain.used > _DEAR_PROOF * MOST_SCANS
+    below = partial(kept_below, fitted=fitted, request=request, dear=dear, close=closed_on_runs, progress=progress)
+    kept = first.proof.verdict != "FAIL" and not (first.proof.design and winds_up(first.proof.diagnostics))
+    if kept or request.as_is:
+        return below(first) if ways_on else first
     search = RedesignSearch(
-        fitted_model=fitted, request=request, first=first, progress=progress, freeing=freeing,
-        verdict_only=verdict_only, has_dear_proofs=plain.used > _DEAR_PROOF * MOST_SCANS)
+        fitted_model=fitted, request=request, first=first, progress=progress, freeing=freeing, has_dear_proofs=dear,
+        verdict_only=verdict_only)
     mended = search.cheapest() if first.proof.design else search.sooner(ways_on=ways_on)
     if not ways_on:
         return mended or first
@@ -472,8 +473,7 @@ class RedesignSearch:
         if self.dear:
             best = min(self.dear, key=more)
             return self._ended(self.dear[0] if more(best) > _CHEAPER * more(self.dear[0]) else best)
-        wound_up = sorted((each for _, each in self.wound), key=more)
-        if not wound_up:
+        if not (wound_up := sorted((each for _, each in self.wound), key=more)):
             return None
         return self._ended(wound_up[0] if self.verdict_only else self.way_on.unwound(wound_up))
 
@@ -481,8 +481,8 @@ class RedesignSearch:
         """Return a design that says that the search ended early, where it did."""
         if not self.budget.spent:
             return result
-        told = f"{self.budget.message}; this is the best so far"
-        return replace(result, notes=(*result.notes, f"{told[0].upper()}{told[1:]}."), proof=result.proof.led_by(told))
+        told, notes = f"{self.budget.message}; this is the best so far", result.notes
+        return replace(result, notes=(*notes, f"{told[0].upper()}{told[1:]}."), proof=result.proof.led_by(told))
 
     def _mended(self) -> Iterator[DesignResult]:
         """Yield what keeps every limit of each frame, and does not wind up."""
