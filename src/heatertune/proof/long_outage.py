@@ -281,7 +281,7 @@ _COLDER: Final = 0.1
 _SLACK: Final = 1.1  # of the test sequence's limit; one that stays at its limit exceeds it by far, or never settles
 _ANY: Final = 1e9  # of a limit: only what never ends exceeds it
 #: of the rest after a part of the test sequence, where only the overshoot counts: it has come to rest by then
-_RESTED: Final = 0.1
+_REST_SHARE: Final = 0.1
 _OF_RESTARTS: Final = (0.0, 0.5, 1.0)  # of their number, under a load
 _LATER: Final = 1.2  # than full power needs to the lower setpoint: two lags carry the reading beyond it
 
@@ -401,7 +401,7 @@ def _changed_in_part(scenario: Scenario, lows_degC: Sequence[float]) -> Iterator
     if fall is not None:
         falls, rises = scenario.disturbances[fall:fall + 2]
         befores = [NewSetpoint(time_s=falls.time_s, setpoint_degC=low) for low in lows_degC]
-        down_s = rises.time_s - falls.time_s - scenario.rests_s[fall + 1] + _RESTED * scenario.rests_s[fall + 2]
+        down_s = rises.time_s - falls.time_s - scenario.rests_s[fall + 1] + _REST_SHARE * scenario.rests_s[fall + 2]
         told = f"Where the setpoint changes between its highest and {min(lows_degC):.4g} to {max(lows_degC):.4g} °C"
         yield LongOutage(PART, _each(scenario, fall, [down_s] * len(befores), befores), told,
                          "; the limit is kept where it falls to its lowest, and rises from there")
@@ -438,7 +438,7 @@ def _under_load(
     if place is None:
         return
     ends = [*(event.time_s for event in scenario.disturbances), scenario.duration_s]
-    opened, later_s = _each(scenario, number, lengths_s, rested=1.0), ends[place + 1] - ends[place]
+    opened, later_s = _each(scenario, number, lengths_s, rest_share=1.0), ends[place + 1] - ends[place]
     load = replace(scenario.disturbances[place], time_s=opened.disturbances[0].time_s)
     events = [replace(event, time_s=event.time_s + later_s) for event in opened.disturbances]
     first_s, *others_s = opened.rests_s
@@ -447,7 +447,7 @@ def _under_load(
     off, restart = _restart_in(scenario), ""
     if warm_s and off is not None:
         few = sorted({warm_s[round(share * (len(warm_s) - 1))] for share in _OF_RESTARTS})
-        loaded, restart = _followed_by(loaded, _each(scenario, off, few, rested=1.0)), ", or a restart of the PLC,"
+        loaded, restart = _followed_by(loaded, _each(scenario, off, few, rest_share=1.0)), ", or a restart of the PLC,"
     yield LongOutage(name, loaded, f"After {_minutes(lengths_s)} with an open circuit{restart} while a load is held",
                      "; it does without a load", most=_ANY)
 
@@ -534,7 +534,7 @@ def _at_lower_setpoints(scenario: Scenario, number: int, lengths_s: Mapping[floa
     ends = [*(event.time_s for event in scenario.disturbances), scenario.duration_s]
     fall = next(place for place, event in enumerate(scenario.disturbances) if isinstance(event, NewSetpoint))
     opens, closes = scenario.disturbances[number:number + 2]
-    back_s, rest_s = _way_back(scenario, number + 1, _RESTED)
+    back_s, rest_s = _way_back(scenario, number + 1, _REST_SHARE)
     time_s, rests, events = _heated_s(scenario, rest_s), [rest_s], list[Disturbance]()
     fall_s = ends[fall + 1] - ends[fall] - scenario.rests_s[fall + 1] + rest_s
     for setpoint_degC in _downwards(lengths_s, scenario):
@@ -561,7 +561,7 @@ def _cold_at_lower_setpoints(
     """
     if scenario.setpoint_low_degC is None:
         return
-    way_s, rest_s = _heated_s(scenario, 0.0), _RESTED * min(rest_s for rest_s in scenario.rests_s if rest_s > 0.0)
+    way_s, rest_s = _heated_s(scenario, 0.0), _REST_SHARE * min(rest_s for rest_s in scenario.rests_s if rest_s > 0.0)
     off_s = max(model.dead_time_s + time_to(_COLD, *model.lags_s) for model in models)
     time_s, rests, events = way_s + rest_s, [rest_s], list[Disturbance]()
     for setpoint_degC in setpoints_degC:
@@ -581,15 +581,15 @@ def _heated_s(scenario: Scenario, rest_s: float) -> float:
     return end_s - scenario.rests_s[0] + rest_s
 
 
-def _way_back(scenario: Scenario, number: int, rested: float) -> tuple[float, float]:
+def _way_back(scenario: Scenario, number: int, rest_share: float) -> tuple[float, float]:
     """Return how long the part of an event lasts, and its rest, if that is as long as this share of its own [s]."""
     ends, own_s = [*(event.time_s for event in scenario.disturbances), scenario.duration_s], scenario.rests_s
-    return ends[number + 1] - ends[number] - (1.0 - rested) * own_s[number + 1], rested * own_s[number + 1]
+    return ends[number + 1] - ends[number] - (1.0 - rest_share) * own_s[number + 1], rest_share * own_s[number + 1]
 
 
 def _each(
     scenario: Scenario, number: int, lengths_s: Sequence[float], befores: Sequence[Disturbance] = (), *,
-    rested: float = _RESTED,
+    rest_share: float = _REST_SHARE,
 ) -> Scenario:
     """Return the heat-up and then, of each length, what begins with an event of a story and ends with the next one.
 
@@ -598,10 +598,10 @@ def _each(
         number: of the event.
         lengths_s: each [s].
         befores: events in its place; none: it.
-        rested: share of the rest after the next one: where only the overshoot counts, the way back is enough.
+        rest_share: share of the rest after the next one: where only the overshoot counts, the way back is enough.
     """
     begins, back = scenario.disturbances[number:number + 2]
-    back_s, rest_s = _way_back(scenario, number + 1, rested)
+    back_s, rest_s = _way_back(scenario, number + 1, rest_share)
     time_s, events, rests = _heated_s(scenario, rest_s), list[Disturbance](), [rest_s]
     for length_s, before in zip(lengths_s, befores or [begins] * len(lengths_s), strict=True):
         events += [replace(before, time_s=time_s), replace(back, time_s=time_s + length_s)]

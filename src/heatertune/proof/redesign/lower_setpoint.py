@@ -14,6 +14,7 @@ from heatertune.proof.long_outage import BELOW
 from heatertune.proof.proof import Proof
 from heatertune.proof.prove_words import prove
 from heatertune.proof.redesign.design_changes import costs, more_iae
+from heatertune.settings import Conditions
 
 __all__ = ["kept_below"]
 
@@ -38,32 +39,36 @@ def kept_below(
         close: `heatertune.proof.redesign.redesign_search.closed_on_runs`.
         progress: told what is tried.
     """
-    scenario, low_degC = found.proof.scenario, found.proof.scenario.lower_setpoint_degC
+    low_degC = found.proof.scenario.lower_setpoint_degC
     searches = not (dear or request.as_is or found.proof.design is None)
     if not searches or found.proof.verdict != "PASS" or low_degC is None or not _tells_below(found.proof):
         return found
-    progress(f"an open circuit at {low_degC:.4g} °C overshoots: trying a design for "
-             f"{low_degC:.4g} to {scenario.setpoint_degC:.4g} °C")
+    ends = low_degC, found.proof.scenario.setpoint_degC
+    progress(f"an open circuit at {low_degC:.4g} °C overshoots: trying a design for {ends[0]:.4g} to {ends[1]:.4g} °C")
     try:
-        other = close(
-            fitted, replace(request, conditions=replace(
-                request.conditions, setpoint_degC=(low_degC, scenario.setpoint_degC))),
-            ways_on=False, verdict_only=True, progress=progress)
+        other = close(fitted, replace(request, conditions=replace(request.conditions, setpoint_degC=ends)),
+                      ways_on=False, verdict_only=True, progress=progress)
         if other.proof.verdict != "PASS" or more_iae(found, other) > _DEAREST:
             return found
-        conditions = replace(other.conditions, setpoint_degC=found.conditions.setpoint_degC)
-        proof = prove(other.proof.words, fitted, conditions, progress=progress)
+        proof = prove(other.proof.words, fitted, _at_setpoint_of(found, other.conditions), progress=progress)
     except HeatertuneError:  # the range is too small for a test sequence, or there is no such design
         return found
-    if proof.verdict != "PASS" or _tells_below(proof):
-        return found
+    return found if proof.verdict != "PASS" or _tells_below(proof) else _instead_of(found, other, proof, low_degC)
+
+
+def _instead_of(found: DesignResult, other: DesignResult, proof: Proof, low_degC: float) -> DesignResult:
+    """Return the other design with its proof at the setpoint of the first, and what it changes and costs."""
     changes = [remark for remark in other.proof.diagnostics.remarks if remark.startswith("with ")]
     heard = replace(proof.diagnostics, remarks=(*proof.diagnostics.remarks, *changes))
     note = (f"The first design that passes overshoots more than allowed after an open circuit at {low_degC:.4g} °C; "
             f"{''.join(f'{change}, ' for change in changes)}this one does not; {costs(found, other)}.")
-    return replace(other, proof=replace(proof, diagnostics=heard), conditions=conditions, notes=(note,), recipe=replace(
-        other.recipe, conditions=replace(
-            other.recipe.conditions, setpoint_degC=found.recipe.conditions.setpoint_degC)))
+    return replace(
+        other, proof=replace(proof, diagnostics=heard), conditions=_at_setpoint_of(found, other.conditions),
+        recipe=replace(other.recipe, conditions=_at_setpoint_of(found, other.recipe.conditions)), notes=(note,))
+
+
+def _at_setpoint_of(found: DesignResult, conditions: Conditions) -> Conditions:
+    return replace(conditions, setpoint_degC=found.conditions.setpoint_degC)
 
 
 def _tells_below(proof: Proof) -> bool:
