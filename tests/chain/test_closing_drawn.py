@@ -115,7 +115,7 @@ def test_a_setting_that_is_what_the_samples_fail_for_is_named_with_what_would_pa
     found = closed_on_samples(HEATER, ASKED)
     assert found.proof.verdict == "FAIL"
     assert found.passes_with == ("--assume", "anti_windup=clamp")
-    assert found.proof.diagnostics.remarks[-1] == "would pass with --assume anti_windup=clamp: find out what this controller does"
+    assert found.proof.diagnostics.remarks[0] == "would pass with --assume anti_windup=clamp: find out what this controller does"
 
 
 @pytest.mark.parametrize("changed", [

@@ -39,28 +39,43 @@ def kept_below(
         close: `heatertune.proof.redesign.redesign_search.closed_on_runs`.
         progress: told what is tried.
     """
-    low_degC = found.proof.scenario.lower_setpoint_degC
-    searches = not (dear or request.as_is or found.proof.design is None)
-    if not searches or found.proof.verdict != "PASS" or low_degC is None or not _tells_below(found.proof):
+    if dear or request.as_is or not _tells_below(found.proof):
         return found
-    ends = low_degC, found.proof.scenario.setpoint_degC
-    progress(f"an open circuit at {low_degC:.4g} °C overshoots: trying a design for {ends[0]:.4g} to {ends[1]:.4g} °C")
     try:
-        other = close(fitted, replace(request, conditions=replace(request.conditions, setpoint_degC=ends)),
-                      ways_on=False, verdict_only=True, progress=progress)
-        if other.proof.verdict != "PASS" or more_iae(found, other) > _DEAREST:
-            return found
-        proof = prove(other.proof.words, fitted, _at_setpoint_of(found, other.conditions), progress=progress)
+        other, proof = _for_range(found, fitted, request, close, progress)
     except HeatertuneError:  # the range is too small for a test sequence, or there is no such design
         return found
-    return found if proof.verdict != "PASS" or _tells_below(proof) else _instead_of(found, other, proof, low_degC)
+    keeps = proof.verdict == "PASS" and not _tells_below(proof) and more_iae(found, other) <= _DEAREST
+    return _instead_of(found, other, proof) if keeps else found
 
 
-def _instead_of(found: DesignResult, other: DesignResult, proof: Proof, low_degC: float) -> DesignResult:
+def _for_range(
+    found: DesignResult, fitted: FittedModel, request: DesignRequest, close: Callable[..., DesignResult],
+    progress: ProgressCallback,
+) -> tuple[DesignResult, Proof]:
+    """Return a design for the range down to the lower setpoint, and its proof at the setpoint of the first if passing.
+
+    Raises:
+        HeatertuneError: as the stages.
+    """
+    low_degC, high_degC = found.proof.scenario.lower_setpoint_degC, found.proof.scenario.setpoint_degC
+    if low_degC is None:
+        return found, found.proof
+    progress(f"an open circuit at {low_degC:.4g} °C overshoots: trying a design for {low_degC:.4g} to {high_degC:.4g} "
+             "°C")
+    conditions = replace(request.conditions, setpoint_degC=(low_degC, high_degC))
+    other = close(fitted, replace(request, conditions=conditions), ways_on=False, verdict_only=True, progress=progress)
+    if other.proof.verdict != "PASS":
+        return other, other.proof
+    return other, prove(other.proof.words, fitted, _at_setpoint_of(found, other.conditions), progress=progress)
+
+
+def _instead_of(found: DesignResult, other: DesignResult, proof: Proof) -> DesignResult:
     """Return the other design with its proof at the setpoint of the first, and what it changes and costs."""
     changes = [remark for remark in other.proof.diagnostics.remarks if remark.startswith("with ")]
     heard = replace(proof.diagnostics, remarks=(*proof.diagnostics.remarks, *changes))
-    note = (f"The first design that passes overshoots more than allowed after an open circuit at {low_degC:.4g} °C; "
+    note = (f"The first design that passes overshoots more than allowed after an open circuit at "
+            f"{found.proof.scenario.lower_setpoint_degC:.4g} °C; "
             f"{''.join(f'{change}, ' for change in changes)}this one does not; {costs(found, other)}.")
     return replace(
         other, proof=replace(proof, diagnostics=heard), conditions=_at_setpoint_of(found, other.conditions),
@@ -72,4 +87,5 @@ def _at_setpoint_of(found: DesignResult, conditions: Conditions) -> Conditions:
 
 
 def _tells_below(proof: Proof) -> bool:
-    return any(finding.name == BELOW for finding in proof.diagnostics.findings)
+    found = any(finding.name == BELOW for finding in proof.diagnostics.findings)
+    return found and proof.verdict == "PASS" and proof.design is not None

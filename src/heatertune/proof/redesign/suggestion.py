@@ -5,6 +5,7 @@ Of a program with its source's faults that is the one repaired.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
@@ -46,6 +47,7 @@ __all__ = ["Suggestion", "free_request", "known_as", "passes_told", "passing_tol
 _LOWER: Final = (0.95, 0.9, 0.8)
 #: of the range of use, down from its upper end, of smaller ones that may be suggested
 _OF_RANGE: Final = (0.5, 0.25)
+_SSR: Final = "ssr"
 _HOPELESS: Final = 1.2  # of the band: no open point is what it fails for
 
 
@@ -330,22 +332,27 @@ class Suggestion:
         return () if wound_up and winds_up(other.proof.diagnostics) else self._taken(other.proof, options)
 
     def _by_switch(self) -> tuple[str, ...]:
-        """Return the option of a solid-state relay, or of its PWM period, where the user named another one."""
-        request, calm = self.request, calmest_pwm(self.first.proof, self.fitted_model.plants)
+        """Return the options of a solid-state relay, or of its calmest PWM period, where the user named another one."""
+        request, kind, given_s = self.request, self.request.switch_kind, self.request.conditions.pwm_period_s
+        if kind is None and given_s is None:  # it was free
+            return ()
+        other = () if kind in (None, _SSR) else ("--switch-kind", _SSR)
+        asked = request if kind is None else replace(request, switch_kind=_SSR)
+        options = self._freed(other, asked) if other and given_s is None else ()
+        return options or self._by_calm_pwm(other, asked)
+
+    def _by_calm_pwm(self, other: tuple[str, ...], asked: DesignRequest) -> tuple[str, ...]:
+        """Return options of another switch with those of its calmest PWM period, if that is shorter and passes."""
+        calm = calmest_pwm(self.first.proof, self.fitted_model.plants)
         if calm is None:  # the controller makes the PWM itself
             return ()
-        period_s = request.conditions.pwm_period_s
-        if period_s is None:
-            ssr = "ssr"
-            return () if request.switch_kind in (None, ssr) else self._freed(
-                ("--switch-kind", ssr), replace(request, switch_kind=ssr))
-        tick_s = controller_for(request.target).tick_s
-        calm_s = DesignChange(pwm_about_s=calm.period_s).pwm_at(self.first.ideal.sample_time_s, tick_s)
-        if calm_s is None or not calm_s < period_s or request.switch_kind not in (None, "ssr"):
+        calm_s = DesignChange(pwm_about_s=calm.period_s).pwm_at(
+            self.first.ideal.sample_time_s, controller_for(asked.target).tick_s)
+        if calm_s is None or not calm_s < (asked.conditions.pwm_period_s or math.inf):
             return ()
-        calm_s = float(f"{calm_s:.12g}")
-        return self._freed(("--pwm-period", f"{calm_s:.12g}"), replace(
-            request, conditions=replace(request.conditions, pwm_period_s=calm_s)))
+        text = f"{calm_s:.12g}"
+        return self._freed((*other, "--pwm-period", text), replace(
+            asked, conditions=replace(asked.conditions, pwm_period_s=float(text))))
 
     def _by_setpoint(self) -> tuple[str, ...]:
         """Return the option of a lower setpoint at which the plain design passes; none where there is none nearby."""
