@@ -23,7 +23,7 @@ _DEAREST: Final = 0.5
 
 
 def kept_below(
-    found: DesignResult, *, fitted: FittedModel, request: DesignRequest, dear: bool,
+    first: DesignResult, *, fitted: FittedModel, request: DesignRequest, dear: bool,
     close: Callable[..., DesignResult], progress: ProgressCallback,
 ) -> DesignResult:
     """Return a design whose limits hold after an open circuit at the test sequence's lower setpoint as well.
@@ -32,25 +32,25 @@ def kept_below(
     many scans that another search takes too long, what was found stays: its proof tells what breaks a limit there.
 
     Args:
-        found: a design.
+        first: a design.
         fitted: the heater and its candidates.
         request: what it was found for; nothing is searched for words that stay as they are.
         dear: whether a proof has so many scans.
         close: `heatertune.proof.redesign.redesign_search.closed_on_runs`.
         progress: told what is tried.
     """
-    if dear or request.as_is or not _tells_below(found.proof):
-        return found
+    if dear or request.as_is or not _tells_below(first.proof):
+        return first
     try:
-        other, proof = _for_range(found, fitted, request, close, progress)
+        second, proof = _for_range(first, fitted, request, close, progress)
     except HeatertuneError:  # the range is too small for a test sequence, or there is no such design
-        return found
-    keeps = proof.verdict == "PASS" and not _tells_below(proof) and more_iae(found, other) <= _DEAREST
-    return _instead_of(found, other, proof) if keeps else found
+        return first
+    keeps = proof.verdict == "PASS" and not _tells_below(proof) and more_iae(first, second) <= _DEAREST
+    return _instead_of(first, second, proof) if keeps else first
 
 
 def _for_range(
-    found: DesignResult, fitted: FittedModel, request: DesignRequest, close: Callable[..., DesignResult],
+    first: DesignResult, fitted: FittedModel, request: DesignRequest, close: Callable[..., DesignResult],
     progress: ProgressCallback,
 ) -> tuple[DesignResult, Proof]:
     """Return a design for the range down to the lower setpoint, and its proof at the setpoint of the first if passing.
@@ -58,34 +58,34 @@ def _for_range(
     Raises:
         HeatertuneError: as the stages.
     """
-    low_degC, high_degC = found.proof.scenario.lower_setpoint_degC, found.proof.scenario.setpoint_degC
+    low_degC, high_degC = first.proof.scenario.lower_setpoint_degC, first.proof.scenario.setpoint_degC
     if low_degC is None:
-        return found, found.proof
+        return first, first.proof
     progress(f"an open circuit at {low_degC:.4g} °C overshoots: trying a design for {low_degC:.4g} to {high_degC:.4g} "
              "°C")
     conditions = replace(request.conditions, setpoint_degC=(low_degC, high_degC))
-    other = close(fitted, replace(request, conditions=conditions), ways_on=False, verdict_only=True, progress=progress)
-    if other.proof.verdict != "PASS":
-        return other, other.proof
-    return other, prove(other.proof.words, fitted, _at_setpoint_of(found, other.conditions), progress=progress)
+    second = close(fitted, replace(request, conditions=conditions), ways_on=False, verdict_only=True, progress=progress)
+    if second.proof.verdict != "PASS":
+        return second, second.proof
+    return second, prove(second.proof.words, fitted, _at_setpoint_of(first, second.conditions), progress=progress)
 
 
-def _instead_of(found: DesignResult, other: DesignResult, proof: Proof) -> DesignResult:
+def _instead_of(first: DesignResult, second: DesignResult, proof: Proof) -> DesignResult:
     """Return the other design with its proof at the setpoint of the first, and what it changes and costs."""
-    changes = [remark for remark in other.proof.diagnostics.remarks if remark.startswith("with ")]
+    changes = [remark for remark in second.proof.diagnostics.remarks if remark.startswith("with ")]
     heard = replace(proof.diagnostics, remarks=(*proof.diagnostics.remarks, *changes))
     note = (f"The first design that passes overshoots more than allowed after an open circuit at "
-            f"{found.proof.scenario.lower_setpoint_degC:.4g} °C; "
-            f"{''.join(f'{change}, ' for change in changes)}this one does not; {costs(found, other)}.")
+            f"{first.proof.scenario.lower_setpoint_degC:.4g} °C; "
+            f"{''.join(f'{change}, ' for change in changes)}this one does not; {costs(first, second)}.")
     return replace(
-        other, proof=replace(proof, diagnostics=heard), conditions=_at_setpoint_of(found, other.conditions),
-        recipe=replace(other.recipe, conditions=_at_setpoint_of(found, other.recipe.conditions)), notes=(note,))
+        second, proof=replace(proof, diagnostics=heard), conditions=_at_setpoint_of(first, second.conditions),
+        recipe=replace(second.recipe, conditions=_at_setpoint_of(first, second.recipe.conditions)), notes=(note,))
 
 
-def _at_setpoint_of(found: DesignResult, conditions: Conditions) -> Conditions:
-    return replace(conditions, setpoint_degC=found.conditions.setpoint_degC)
+def _at_setpoint_of(first: DesignResult, conditions: Conditions) -> Conditions:
+    return replace(conditions, setpoint_degC=first.conditions.setpoint_degC)
 
 
 def _tells_below(proof: Proof) -> bool:
-    found = any(finding.name == BELOW for finding in proof.diagnostics.findings)
-    return found and proof.verdict == "PASS" and proof.design is not None
+    tells = any(finding.name == BELOW for finding in proof.diagnostics.findings)
+    return tells and proof.verdict == "PASS" and proof.design is not None

@@ -320,13 +320,13 @@ class Suggestion:
         options, asked = free_request(self.request)
         return self._freed(options, asked, wound_up=wound_up) if options else ()
 
-    def _freed(self, options: tuple[str, ...], asked: DesignRequest, *, wound_up: bool = False) -> tuple[str, ...]:
+    def _freed(self, options: tuple[str, ...], request: DesignRequest, *, wound_up: bool = False) -> tuple[str, ...]:
         """Return options if the design of their request passes; else none."""
         if not self.freeing:
             return ()
         self.progress(f"{broken(self.first)} fails: trying {' '.join(options)}")
         try:
-            other = self.close(self.fitted_model, asked, progress=self.progress)
+            other = self.close(self.fitted_model, request, progress=self.progress)
         except HeatertuneError:  # there is no such design
             return ()
         return () if wound_up and winds_up(other.proof.diagnostics) else self._taken(other.proof, options)
@@ -341,18 +341,18 @@ class Suggestion:
         options = self._freed(other, asked) if other and given_s is None else ()
         return options or self._by_calm_pwm(other, asked)
 
-    def _by_calm_pwm(self, other: tuple[str, ...], asked: DesignRequest) -> tuple[str, ...]:
+    def _by_calm_pwm(self, options: tuple[str, ...], request: DesignRequest) -> tuple[str, ...]:
         """Return options of another switch with those of its calmest PWM period, if that is shorter and passes."""
         calm = calmest_pwm(self.first.proof, self.fitted_model.plants)
         if calm is None:  # the controller makes the PWM itself
             return ()
         calm_s = DesignChange(pwm_about_s=calm.period_s).pwm_at(
-            self.first.ideal.sample_time_s, controller_for(asked.target).tick_s)
-        if calm_s is None or not calm_s < (asked.conditions.pwm_period_s or math.inf):
+            self.first.ideal.sample_time_s, controller_for(request.target).tick_s)
+        if calm_s is None or not calm_s < (request.conditions.pwm_period_s or math.inf):
             return ()
         text = f"{calm_s:.12g}"
-        return self._freed((*other, "--pwm-period", text), replace(
-            asked, conditions=replace(asked.conditions, pwm_period_s=float(text))))
+        return self._freed((*options, "--pwm-period", text), replace(
+            request, conditions=replace(request.conditions, pwm_period_s=float(text))))
 
     def _by_setpoint(self) -> tuple[str, ...]:
         """Return the option of a lower setpoint at which the plain design passes; none where there is none nearby."""
