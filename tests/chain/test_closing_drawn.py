@@ -105,7 +105,7 @@ def test_where_nothing_helps_the_design_is_as_asked_for_and_says_so(heard, plain
     asked = heard(lambda settings, _: [80] * len(settings))
     found = closed_on_samples(HEATER, ASKED)
     assert found.proof.words == plain.proof.words
-    assert found.proof.diagnostics.remarks[-1] == "nothing that was tried makes the samples pass"
+    assert found.proof.diagnostics.remarks[0] == "nothing that was tried makes the samples pass"
     assert asked == [0] * len(asked)
     assert (found.proof.verdict, found.passes_with) == ("FAIL", ())
 
@@ -115,7 +115,7 @@ def test_a_setting_that_is_what_the_samples_fail_for_is_named_with_what_would_pa
     found = closed_on_samples(HEATER, ASKED)
     assert found.proof.verdict == "FAIL"
     assert found.passes_with == ("--assume", "anti_windup=clamp")
-    assert found.proof.diagnostics.remarks[-1] == "would pass with --assume anti_windup=clamp: find out what this controller does"
+    assert found.proof.diagnostics.remarks[0] == "would pass with --assume anti_windup=clamp: find out what this controller does"
 
 
 @pytest.mark.parametrize("changed", [

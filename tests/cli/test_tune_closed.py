@@ -65,7 +65,8 @@ def test_the_nearest_command_that_a_failure_names_passes(run):
 @pytest.mark.long
 @pytest.mark.parametrize(("target", "heater", "options", "first"), [
     ("s7-300", "slow", "--structure p", "--structure"), ("weg", "fast", "--setpoint-ramp none --boost none", "--boost"),
-    ("s5-ob251", "slow", "--structure p", "--structure"),
+    ("s5-ob251", "slow", "--structure p", "--structure"), ("s7-300", "ripple", "--pwm-period 12", "--pwm-period"),
+    ("s7-300", "ripple", "--switch-kind contactor", "--switch-kind"),
 ])
 def test_what_a_failure_suggests_changes_the_design_first_and_passes_as_it_stands(target, heater, options, first):
     status, screen = bench.run(bench.request(target, heater, options))
@@ -74,6 +75,21 @@ def test_what_a_failure_suggests_changes_the_design_first_and_passes_as_it_stand
     assert first in command
     assert not bench.limits_suggested(command, options), "a limit comes last"
     assert bench.run(command)[1].startswith(verdicts)
+
+
+def test_a_limit_that_is_suggested_comes_with_its_meaning():
+    _, screen = bench.run(bench.request("s7-300", "ripple", "--limit overshoot=2% --setpoint-ramp none --boost none --pwm-period 2.1 --ms 1.3"))
+    lines = " ".join(screen.split())
+    assert "--limit overshoot=" in lines.partition("ideal ")[0]
+    assert "a wider limit: overshoot " in lines.partition("ideal ")[0]
+    assert "beyond the setpoint on heat-up, after a change of the setpoint and a restart, of the rise above ambient" in lines
+
+
+def test_that_nothing_passes_comes_first_on_the_screen():
+    _, screen = bench.run(bench.request("s7-300", "ripple", "--limit overshoot=0.1% --limit recovery-overshoot=0.1%"))
+    first = " ".join(screen.partition("ideal ")[0].split())
+    assert "nothing that was tried passes, nor does any limit of up to twice its default; changes to the heater would help: " in first
+    assert screen.count("nothing that was tried") == 1
 
 
 @pytest.mark.long

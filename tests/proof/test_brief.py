@@ -174,24 +174,24 @@ def test_the_rises_come_one_after_the_other_each_with_its_way_down():
     *_, night = nights_of(IN_USE, [ONE], lows_degC=(50.0, 40.0))
     assert night.name == "part-change"
     assert [(each.time_s, each.setpoint_degC) for each in night.scenario.disturbances] == [
-        (550.0, 50.0), (2550.0, 60.0), (5550.0, 40.0), (7550.0, 60.0)]
-    assert night.scenario.rests_s == (50.0, 0.0, 50.0, 0.0, 50.0)
-    assert night.scenario.duration_s == 10550.0
+        (505.0, 50.0), (2460.0, 60.0), (5415.0, 40.0), (7370.0, 60.0)]  # 2,000 and 3,000 s with a tenth of their rest of 50 s
+    assert night.scenario.rests_s == (5.0, 0.0, 5.0, 0.0, 5.0)
+    assert night.scenario.duration_s == 10325.0
     assert night.summary == "Where the setpoint changes between its highest and 40 to 50 °C"
     calm = replace(IN_USE, rests_s=(500.0, 0.0, 50.0, 500.0, 50.0))  # the way down is at rest for as long as the way up
     *_, night = nights_of(calm, [ONE], lows_degC=(50.0,))
-    assert [each.time_s for each in night.scenario.disturbances] == [550.0, 550.0 + 2000.0 - 450.0]
+    assert [each.time_s for each in night.scenario.disturbances] == [505.0, 505.0 + 2000.0 - 500.0 + 5.0]
 
 
 def test_the_open_circuits_of_the_sequence_are_run_at_the_lower_setpoint_as_well():
     night = next(each for each in nights_of(STATED, [ONE], (20.0,), lower_s={30.0: ()}) if each.name == "low-outage")
     fall, *outage = night.scenario.disturbances
     falls, _ = (event for event in IN_USE.disturbances if isinstance(event, NewSetpoint))
-    assert (fall.time_s, fall.setpoint_degC) == (550.0, falls.setpoint_degC)
+    assert (fall.time_s, fall.setpoint_degC) == (505.0, falls.setpoint_degC)
     opens, closes = outage
     assert (opens.share, closes.share, closes.time_s - opens.time_s) == (0.0, 1.0, 800.0)
     assert opens.time_s > fall.time_s + 50.0
-    assert night.scenario.rests_s == (50.0, 50.0, 0.0, 50.0)
+    assert night.scenario.rests_s == (5.0, 5.0, 0.0, 5.0)
     assert night.scenario.duration_s > closes.time_s + 50.0
     lone = replace(IN_USE, disturbances=IN_USE.disturbances[:2], rests_s=IN_USE.rests_s[:3])
     assert "low-outage" not in [each.name for each in nights_of(lone, [ONE], (20.0,))]
@@ -374,11 +374,11 @@ def test_without_an_i_part_nothing_is_summed_up():
 def test_the_shorter_circuits_come_one_after_the_other_each_with_its_way_back():
     *_, night = nights_of(STORY, [ONE], (20.0, 30.0))
     assert night.name == "briefly-open"
-    # after the heat-up, at rest for as long as after any other part; 7,200 s are the way back
-    assert [each.time_s for each in night.scenario.disturbances] == [550.0, 570.0, 7770.0, 7800.0]
+    # after the heat-up, at rest for a tenth of what follows any other part, 50 s; so is the way back of 7,200 s
+    assert [each.time_s for each in night.scenario.disturbances] == [505.0, 525.0, 7680.0, 7710.0]
     assert [each.share for each in night.scenario.disturbances] == [0.0, 1.0, 0.0, 1.0]
-    assert night.scenario.rests_s == (50.0, 0.0, 50.0, 0.0, 50.0)
-    assert night.scenario.duration_s == 15000.0
+    assert night.scenario.rests_s == (5.0, 0.0, 5.0, 0.0, 5.0)
+    assert night.scenario.duration_s == 14865.0
 
 
 def test_a_warm_heater_is_restarted_where_p_is_near_to_full_power():
@@ -406,7 +406,7 @@ def test_the_restarts_come_one_after_the_other_each_with_its_way_back():
     story = replace(STORY, disturbances=(PlcPower(time_s=1000.0, on=False), PlcPower(time_s=1800.0, on=True)))
     (night,) = nights_of(story, [ONE], (), (20.0, 30.0))
     assert night.name == "warm-restart"
-    assert [each.time_s for each in night.scenario.disturbances] == [550.0, 570.0, 7770.0, 7800.0]
+    assert [each.time_s for each in night.scenario.disturbances] == [505.0, 525.0, 7680.0, 7710.0]
     assert [each.on for each in night.scenario.disturbances] == [False, True, False, True]
-    assert night.scenario.rests_s == (50.0, 0.0, 50.0, 0.0, 50.0)
+    assert night.scenario.rests_s == (5.0, 0.0, 5.0, 0.0, 5.0)
     assert night.summary == "Where the PLC is restarted after 0.33 to 0.5 min without supply"

@@ -242,7 +242,7 @@ def _of(origin: DesignProvenance, target: str, where: str, sensor: Mapping[str, 
             f"{where} is for --input {origin.input} of {origin.target}, which {target} has not: say a --range")
     theirs = replace(
         origin, target=target, input=origin.input if has else None, words_by="auto", refined=False, power_most_pct=None,
-        setpoint_ramp=None, boost=None, conditions=replace(origin.conditions, switches={}))
+        window_degC=None, setpoint_ramp=None, boost=None, conditions=replace(origin.conditions, switches={}))
     left = [part for part in _parts(origin) if part not in _parts(theirs)]
     return theirs, [f"Of {where} not taken, as it is of {origin.target}: {', '.join(left)}."] if left else []
 
@@ -281,6 +281,8 @@ def _parts(recipe: DesignProvenance) -> Iterator[str]:
                 yield from _flags(one, value)
     if recipe.power_most_pct is not None:
         yield f"an output of at most {recipe.power_most_pct:.3g} %"
+    if recipe.window_degC is not None:
+        yield f"a window of {recipe.window_degC:.3g} °C"
     if recipe.setpoint_ramp is not None:
         ramp = recipe.setpoint_ramp
         held = "" if ramp.hold_degC is None else f" held within {ramp.hold_degC:.3g} °C of the reading"

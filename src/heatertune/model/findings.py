@@ -104,12 +104,14 @@ KINDS: Final[dict[str, FindingKind]] = {
         "state a smaller range (--setpoint), allow that overshoot (--limit reheat-overshoot), or keep it in manual "
         "while the circuit is open"),
     "loaded-outage": FindingKind(
-        "blocks", "it does not come to rest after an open circuit while a load is held: its boost starts again "
-                  "and again",
+        "blocks", "it does not come to rest after an open circuit or a restart while a load is held: its boost starts "
+                  "again and again",
         "leave out the boost (--boost none), or keep it in manual while the circuit is open"),
     "loaded-window": FindingKind(
-        "told", "an open circuit while a load is held leaves it swinging outside PID_FUNCTIONAL_RANGE",
-        "take the load away before the circuit is closed again, or widen PID_FUNCTIONAL_RANGE and verify it"),
+        "blocks", "an open circuit or a restart while a load is held leaves it swinging outside "
+                  "PID_FUNCTIONAL_RANGE",
+        "build the firmware with a wider PID_FUNCTIONAL_RANGE (heatertune design tries some), or take the load away "
+        "before the circuit is closed again"),
     "outage-below": FindingKind(
         "told", "an open circuit below the stated setpoint overshoots more than allowed",
         "state the range of setpoints in use (--setpoint LOW HIGH), or keep it in manual while the circuit is open"),

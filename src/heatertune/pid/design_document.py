@@ -65,6 +65,7 @@ class DesignProvenance:
         input: range of the analog module; None: the standard one.
         words_by, refined: see `heatertune.settings.WordSettings`.
         power_most_pct: output limit [%]; None: no limit.
+        window_degC: distance from the setpoint at which a firmware hands over to the PID [°C]; None: as it is built.
         setpoint_ramp: None: the setpoint steps.
         boost: None: the PID always controls the heater.
         conditions: of the proof.
@@ -81,6 +82,7 @@ class DesignProvenance:
     words_by: str = "auto"
     refined: bool = False
     power_most_pct: float | None = None
+    window_degC: float | None = field(default=None, metadata=LEFT_OUT)
     setpoint_ramp: RampView | None = None
     boost: BoostView | None = field(default=None, metadata=LEFT_OUT)
     conditions: Conditions
@@ -92,6 +94,8 @@ class DesignProvenance:
         WordSettings(words_by=self.words_by, refined=self.refined)
         if self.power_most_pct is not None:
             check("power_most_pct", self.power_most_pct, above=0.0, most=100.0)
+        if self.window_degC is not None:
+            check("window_degC", self.window_degC, above=0.0)
 
 
 SCHEMA = "heatertune/pid/2"

@@ -184,6 +184,8 @@ class Controller(SetpointHandling, ABC):
         most_gain: (scaling, design) → the largest K in size that the words hold beside its times [%/°C]; None: any of
             use.
         most_power: (word that limits the output from above, its value at 100 %); None: there is none.
+        window: word that holds how far below the setpoint a firmware hands over from full power to the PID [°C]; None:
+            there is none.
         baseline: target of the two-level control that a report holds it against; None: it is that one.
         interval_s: values → the sampling interval that the words themselves hold [s]; None: they hold none, or another
             than the real one is allowed.
@@ -234,6 +236,7 @@ class Controller(SetpointHandling, ABC):
     integers: ClassVar[tuple[str, str, str] | None] = None
     most_gain: ClassVar[staticmethod[[Scaling, PidDesign], float] | None] = None
     most_power: ClassVar[tuple[str, Number] | None] = None
+    window: ClassVar[str | None] = None
     baseline: ClassVar[str | None] = "on-off"
     interval_s: ClassVar[staticmethod[[Mapping[str, Number]], float] | None] = None
     consistent: ClassVar[staticmethod[[Words], None] | None] = None
@@ -353,6 +356,19 @@ class Controller(SetpointHandling, ABC):
         limited = replace(words, values={**words.values, name: value})
         self.check(limited)
         return limited
+
+    @final
+    def with_window(self, words: Words, window_degC: float) -> Words:
+        """Return words that hand over to the PID so far from the setpoint [°C], rounded to what the word holds.
+
+        Raises:
+            OutOfRange: the controller has no word for it, or none of that value.
+        """
+        if self.window is None:
+            raise OutOfRange("window", window_degC, f"none: {self.name} has no word for it")
+        wider = replace(words, values={**words.values, self.window: round(window_degC)})
+        self.check(wider)
+        return wider
 
     @final
     def check(self, words: Words) -> None:

@@ -89,10 +89,11 @@ EVENTS: Final = (
               runs="nearest", finding=LONGER),
     EventKind(name="shorter open circuit", state=_REST, sizes="12 to 96 lengths around the one that integrates most",
               phases=("off", "reheat"), runs="nearest", finding=BRIEF),
-    EventKind(name="open circuit while a load is held, with a boost", state="at rest under the load",
-              sizes="as above; it has to come to rest", phases=("off", "reheat"), runs="nearest", finding=LOADED),
+    EventKind(name="open circuit or restart under a load, with a boost", state="at rest under the load",
+              sizes="as above, and three times without supply; it has to come to rest",
+              phases=("off", "reheat", "restart"), runs="nearest", finding=LOADED),
     EventKind(name="the same with a firmware's window", state="at rest under the load",
-              sizes="as above; told, it blocks nothing", phases=("off", "reheat"), runs="nearest", finding=WINDOW),
+              sizes="as above", phases=("off", "reheat", "restart"), runs="nearest", finding=WINDOW),
     EventKind(name="open circuit in a stated range", state="at rest at a lower setpoint", sizes="as above",
               phases=("off", "reheat"), runs="nearest", finding=LOW),
     EventKind(name="open circuit below a stated setpoint", state="at rest, a fifth of the rise lower",
@@ -130,6 +131,5 @@ EXCLUDED: Final = (
 NOT_RUN: Final = (
     "manual mode and back: the program of the controller decides; see its page",
     "sensor break and return: the supervision that is exported next to the controller is tested for it",
-    "a restart while a load is held: a boost may then start again and again",
     "a second event before the loop is at rest, other than during an open circuit",
 )

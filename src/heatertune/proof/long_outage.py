@@ -249,7 +249,7 @@ _REHEATED: Final = names_of(beyond_degC, phases=("reheat",))
 _RESTARTED: Final = names_of(beyond_degC, phases=("restart",))
 _HEATED: Final = names_of(beyond_degC, phases=("heat-up", "restart"))
 _CHANGED: Final = names_of(beyond_degC, phases=("change",))
-_RETURN, _GROWTH = "reheat_time", "return_growth"
+_RETURN, _RESTART, _GROWTH = "reheat_time", "restart_time", "return_growth"
 LONGER, RISING, WARM, PART = "winds-up", "stays-at-limit", "warm-restart", "part-change"
 #: a shorter open circuit than that of the test sequence
 BRIEF: Final = "briefly-open"
@@ -259,12 +259,12 @@ BELOW: Final = "outage-below"
 HEAT_UP: Final = "low-heat-up"
 #: with a boost, while a load is held
 LOADED: Final = "loaded-outage"
-#: the same with a firmware's own window, which no parameter of a design moves: it is told, and blocks nothing
+#: the same with a firmware's own window
 WINDOW: Final = "loaded-window"
 #: findings that block nothing
-ONLY_TOLD: Final = frozenset({BELOW, WINDOW})
+ONLY_TOLD: Final = frozenset({BELOW})
 #: limits broken there are of the test sequence's kind, and other gains may help
-_MENDED: Final = frozenset({LOW, HEAT_UP, BRIEF, WARM, PART, LOADED})
+_MENDED: Final = frozenset({LOW, HEAT_UP, BRIEF, WARM, PART, LOADED, WINDOW})
 #: findings that concern the lower end of the range of setpoints
 OF_RANGE: Final = frozenset({LOW, HEAT_UP, PART})
 #: name of the finding → criteria that select the hardest run
@@ -273,13 +273,16 @@ OVERSHOOTS: Final = {
     WARM: _RESTARTED, PART: _CHANGED, LOADED: _REHEATED, WINDOW: _REHEATED}
 #: name of the finding → criteria that count
 JUDGED: Final = {**OVERSHOOTS, LONGER: (*_REHEATED, _RETURN, _GROWTH), RISING: (*_REHEATED, _RETURN),
-                 LOADED: (_RETURN,), WINDOW: (_RETURN,)}
+                 LOADED: (_RETURN, _RESTART), WINDOW: (_RETURN, _RESTART)}
 _KEPT_AT_HIGHEST: Final = "the limit is kept at the highest setpoint"
 _TIMES: Final = 4.0  # as long as in the test sequence
 #: of the time to return after the test sequence's open circuit: tolerance for a heater that was not quite cold then
 _COLDER: Final = 0.1
 _SLACK: Final = 1.1  # of the test sequence's limit; one that stays at its limit exceeds it by far, or never settles
 _ANY: Final = 1e9  # of a limit: only what never ends exceeds it
+#: of the rest after a part of the test sequence, where only the overshoot counts: it has come to rest by then
+_REST_SHARE: Final = 0.1
+_OF_RESTARTS: Final = (0.0, 0.5, 1.0)  # of their number, under a load
 _LATER: Final = 1.2  # than full power needs to the lower setpoint: two lags carry the reading beyond it
 
 
@@ -368,7 +371,7 @@ def nights_of(
         number = max(opened, key=lambda entry: opened[entry])
         yield from _opened(scenario, models, number, opened, brief_s, lower_s)
         if again and brief_s and scenario.rests_s:
-            yield from _under_load(again, scenario, number, brief_s)
+            yield from _under_load(again, scenario, number, brief_s, warm_s)
     if not scenario.rests_s:
         return
     if warm_s:
@@ -380,12 +383,16 @@ def nights_of(
 
 
 def _restarted(scenario: Scenario, warm_s: Sequence[float]) -> Iterator[LongOutage]:
-    back = next((number for number, (lost, event) in enumerate(pairwise(scenario.disturbances))
-                 if isinstance(lost, PlcPower) and isinstance(event, PlcPower) and event.on), None)
-    if back is not None:
+    if (back := _restart_in(scenario)) is not None:
         told = f"Where the PLC is restarted after {_minutes(warm_s)} without supply"
         yield LongOutage(WARM, _each(scenario, back, warm_s), told,
                          "; the limit is kept where the heater is hot, or cold")
+
+
+def _restart_in(scenario: Scenario) -> int | None:
+    """Return the number of the event with which the PLC loses its supply before a restart; None: there is none."""
+    return next((number for number, (lost, event) in enumerate(pairwise(scenario.disturbances))
+                 if isinstance(lost, PlcPower) and isinstance(event, PlcPower) and event.on), None)
 
 
 def _changed_in_part(scenario: Scenario, lows_degC: Sequence[float]) -> Iterator[LongOutage]:
@@ -394,7 +401,7 @@ def _changed_in_part(scenario: Scenario, lows_degC: Sequence[float]) -> Iterator
     if fall is not None:
         falls, rises = scenario.disturbances[fall:fall + 2]
         befores = [NewSetpoint(time_s=falls.time_s, setpoint_degC=low) for low in lows_degC]
-        down_s = rises.time_s - falls.time_s - scenario.rests_s[fall + 1] + scenario.rests_s[fall + 2]
+        down_s = rises.time_s - falls.time_s - scenario.rests_s[fall + 1] + _REST_SHARE * scenario.rests_s[fall + 2]
         told = f"Where the setpoint changes between its highest and {min(lows_degC):.4g} to {max(lows_degC):.4g} °C"
         yield LongOutage(PART, _each(scenario, fall, [down_s] * len(befores), befores), told,
                          "; the limit is kept where it falls to its lowest, and rises from there")
@@ -419,8 +426,10 @@ def _opened(
         yield LongOutage(BRIEF, _each(scenario, number, brief_s), told, "; the limit is kept after a longer one")
 
 
-def _under_load(name: str, scenario: Scenario, number: int, lengths_s: Sequence[float]) -> Iterator[LongOutage]:
-    """Yield open circuits while the load of the test sequence is held.
+def _under_load(
+    name: str, scenario: Scenario, number: int, lengths_s: Sequence[float], warm_s: Sequence[float]
+) -> Iterator[LongOutage]:
+    """Yield open circuits and restarts of the PLC while the load of the test sequence is held.
 
     A boost hands over to a controller with an empty I part. If P alone asks for less than the load needs, the reading
     falls until the boost starts again, and so on without end.
@@ -429,14 +438,26 @@ def _under_load(name: str, scenario: Scenario, number: int, lengths_s: Sequence[
     if place is None:
         return
     ends = [*(event.time_s for event in scenario.disturbances), scenario.duration_s]
-    opened, later_s = _each(scenario, number, lengths_s), ends[place + 1] - ends[place]
+    opened, later_s = _each(scenario, number, lengths_s, rest_share=1.0), ends[place + 1] - ends[place]
     load = replace(scenario.disturbances[place], time_s=opened.disturbances[0].time_s)
     events = [replace(event, time_s=event.time_s + later_s) for event in opened.disturbances]
     first_s, *others_s = opened.rests_s
     loaded = replace(opened, disturbances=(load, *events), rests_s=(first_s, scenario.rests_s[place + 1], *others_s),
                      duration_s=opened.duration_s + later_s)
-    yield LongOutage(name, loaded, f"After {_minutes(lengths_s)} with an open circuit while a load is held",
+    off, restart = _restart_in(scenario), ""
+    if warm_s and off is not None:
+        few = sorted({warm_s[round(share * (len(warm_s) - 1))] for share in _OF_RESTARTS})
+        loaded, restart = _followed_by(loaded, _each(scenario, off, few, rest_share=1.0)), ", or a restart of the PLC,"
+    yield LongOutage(name, loaded, f"After {_minutes(lengths_s)} with an open circuit{restart} while a load is held",
                      "; it does without a load", most=_ANY)
+
+
+def _followed_by(scenario: Scenario, later: Scenario) -> Scenario:
+    """Return a scenario with the events of another one after its own, without the other's heat-up."""
+    after_s = scenario.duration_s - later.disturbances[0].time_s
+    events = [replace(event, time_s=event.time_s + after_s) for event in later.disturbances]
+    return replace(scenario, disturbances=(*scenario.disturbances, *events), duration_s=later.duration_s + after_s,
+                   rests_s=(*scenario.rests_s, *later.rests_s[1:]))
 
 
 def heat_up(scenario: Scenario) -> Scenario:
@@ -463,11 +484,12 @@ def _longer(scenario: Scenario, number: int, proven_s: float) -> LongOutage:
     after the test sequence's own outage.
     """
     ends = [*(event.time_s for event in scenario.disturbances), scenario.duration_s]
-    off_s, open_s = ends[0], _TIMES * proven_s
+    rests = scenario.rests_s
+    off_s, open_s = _heated_s(scenario, rests[number + 2]) if rests else ends[0], _TIMES * proven_s
     events = [replace(event, time_s=time_s) for event, time_s in zip(
         scenario.disturbances[number:number + 2], (off_s, off_s + open_s), strict=True)]
-    rests = scenario.rests_s
-    longer = replace(scenario, disturbances=tuple(events), rests_s=(*rests[:1], *rests[number + 1:number + 3]),
+    longer = replace(scenario, disturbances=tuple(events),
+                     rests_s=(*rests[number + 2:number + 3], *rests[number + 1:number + 3]),
                      duration_s=off_s + open_s + ends[number + 2] - ends[number + 1])
     return LongOutage(LONGER, longer, f"After {open_s / 3600.0:.2g} h with an open circuit",
                  f"; the limit is kept after {proven_s / 3600.0:.2g} h")
@@ -484,7 +506,8 @@ def _rising(scenario: Scenario, number: int, lows_degC: Sequence[float], models:
     ends = [*(event.time_s for event in scenario.disturbances), scenario.duration_s]
     opens, closes = scenario.disturbances[number:number + 2]
     open_s, back_s = ends[number + 1] - ends[number], ends[number + 2] - ends[number + 1]
-    time_s, events, rests = ends[0], list[Disturbance](), list(scenario.rests_s[:1])
+    rest_s = scenario.rests_s[number + 2]
+    time_s, events, rests = _heated_s(scenario, rest_s), list[Disturbance](), [rest_s]
     arrives = {low_degC: [_arrives_s(model, low_degC, conditions(scenario, model)[0]) for model in models]
                for low_degC in lows_degC}
     for low_degC, rises_s in ((low_degC, rises_s) for low_degC, times_s in arrives.items()
@@ -494,7 +517,7 @@ def _rising(scenario: Scenario, number: int, lows_degC: Sequence[float], models:
                    NewSetpoint(time_s=time_s + 0.5 * open_s, setpoint_degC=low_degC),
                    replace(closes, time_s=close_s),
                    NewSetpoint(time_s=close_s + rises_s, setpoint_degC=scenario.setpoint_degC)]
-        rests += [0.0, 0.0, 0.0, scenario.rests_s[number + 2]]
+        rests += [0.0, 0.0, 0.0, rest_s]
         time_s = close_s + rises_s + back_s
     rising = replace(scenario, disturbances=tuple(events), rests_s=tuple(rests), duration_s=time_s)
     return LongOutage(RISING, rising, (
@@ -511,8 +534,8 @@ def _at_lower_setpoints(scenario: Scenario, number: int, lengths_s: Mapping[floa
     ends = [*(event.time_s for event in scenario.disturbances), scenario.duration_s]
     fall = next(place for place, event in enumerate(scenario.disturbances) if isinstance(event, NewSetpoint))
     opens, closes = scenario.disturbances[number:number + 2]
-    back_s, rest_s = ends[number + 2] - ends[number + 1], scenario.rests_s[number + 2]
-    time_s, rests, events = ends[0] - scenario.rests_s[0] + rest_s, [rest_s], list[Disturbance]()
+    back_s, rest_s = _way_back(scenario, number + 1, _REST_SHARE)
+    time_s, rests, events = _heated_s(scenario, rest_s), [rest_s], list[Disturbance]()
     fall_s = ends[fall + 1] - ends[fall] - scenario.rests_s[fall + 1] + rest_s
     for setpoint_degC in _downwards(lengths_s, scenario):
         events.append(NewSetpoint(time_s=time_s, setpoint_degC=setpoint_degC))
@@ -538,8 +561,7 @@ def _cold_at_lower_setpoints(
     """
     if scenario.setpoint_low_degC is None:
         return
-    end_s = next((event.time_s for event in scenario.disturbances), scenario.duration_s)
-    way_s, rest_s = end_s - scenario.rests_s[0], min(rest_s for rest_s in scenario.rests_s if rest_s > 0.0)
+    way_s, rest_s = _heated_s(scenario, 0.0), _REST_SHARE * min(rest_s for rest_s in scenario.rests_s if rest_s > 0.0)
     off_s = max(model.dead_time_s + time_to(_COLD, *model.lags_s) for model in models)
     time_s, rests, events = way_s + rest_s, [rest_s], list[Disturbance]()
     for setpoint_degC in setpoints_degC:
@@ -553,7 +575,22 @@ def _cold_at_lower_setpoints(
                       f"; {_KEPT_AT_HIGHEST}")
 
 
-def _each(scenario: Scenario, number: int, lengths_s: Sequence[float], befores: Sequence[Disturbance] = ()) -> Scenario:
+def _heated_s(scenario: Scenario, rest_s: float) -> float:
+    """Return when the heat-up of a test sequence has been at rest for so long [s]."""
+    end_s = next((event.time_s for event in scenario.disturbances), scenario.duration_s)
+    return end_s - scenario.rests_s[0] + rest_s
+
+
+def _way_back(scenario: Scenario, number: int, rest_share: float) -> tuple[float, float]:
+    """Return how long the part of an event lasts, and its rest, if that is as long as this share of its own [s]."""
+    ends, own_s = [*(event.time_s for event in scenario.disturbances), scenario.duration_s], scenario.rests_s
+    return ends[number + 1] - ends[number] - (1.0 - rest_share) * own_s[number + 1], rest_share * own_s[number + 1]
+
+
+def _each(
+    scenario: Scenario, number: int, lengths_s: Sequence[float], befores: Sequence[Disturbance] = (), *,
+    rest_share: float = _REST_SHARE,
+) -> Scenario:
     """Return the heat-up and then, of each length, what begins with an event of a story and ends with the next one.
 
     Args:
@@ -561,11 +598,11 @@ def _each(scenario: Scenario, number: int, lengths_s: Sequence[float], befores: 
         number: of the event.
         lengths_s: each [s].
         befores: events in its place; none: it.
+        rest_share: share of the rest after the next one: where only the overshoot counts, the way back is enough.
     """
-    ends = [*(event.time_s for event in scenario.disturbances), scenario.duration_s]
     begins, back = scenario.disturbances[number:number + 2]
-    back_s, rest_s = ends[number + 2] - ends[number + 1], scenario.rests_s[number + 2]
-    time_s, events, rests = ends[0] - scenario.rests_s[0] + rest_s, list[Disturbance](), [rest_s]
+    back_s, rest_s = _way_back(scenario, number + 1, rest_share)
+    time_s, events, rests = _heated_s(scenario, rest_s), list[Disturbance](), [rest_s]
     for length_s, before in zip(lengths_s, befores or [begins] * len(lengths_s), strict=True):
         events += [replace(before, time_s=time_s), replace(back, time_s=time_s + length_s)]
         rests += [0.0, rest_s]

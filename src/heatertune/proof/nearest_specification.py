@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import Final
 
 from heatertune.model.cooler_mirror import cools
@@ -19,12 +20,13 @@ from heatertune.proof.proof import Proof
 from heatertune.proof.prove_words import prove
 from heatertune.proof.spec_file import specification_of
 from heatertune.proof.specification import default_limit, quantity
+from heatertune.proof.verdict import WIDER
 from heatertune.proof.worst_runs import RunScreen
 from heatertune.settings import Conditions
 from heatertune.units import written
 
 __all__ = ["both_that_pass", "broken_told", "limits_above", "loosen_conditions", "options_of", "passing_settings",
-           "physical_help", "settings_told", "suspects", "tolerance_that_passes", "within_reach"]
+           "physical_help", "settings_told", "suspects", "tolerance_that_passes", "wider_limits_text", "within_reach"]
 
 #: times the tolerance asked for
 _WIDER: Final = (1.5, 2.0, 3.0, 5.0)
@@ -149,6 +151,14 @@ def loosen_conditions(conditions: Conditions, looser: Mapping[str, str]) -> Cond
 def options_of(limits: Mapping[str, str]) -> tuple[str, ...]:
     """Return limits as a user types them."""
     return tuple(word for name, value in limits.items() for word in ("--limit", f"{name}={value}"))
+
+
+def wider_limits_text(options: Sequence[str]) -> str:
+    """Return what the limits among suggested options mean, in words; "" where there is none."""
+    limits = [("tolerance", f"{value} degC") if flag == "--tolerance" else tuple(value.split("=", 1))
+              for flag, value in pairwise(options) if flag in ("--tolerance", "--limit")]
+    meant = " and ".join(f"{name.replace('-', ' ')} {value} ({LIMITS[name].description})" for name, value in limits)
+    return f"{WIDER}{meant}" if meant else ""
 
 
 def limits_above(criteria: Iterable[Criterion]) -> dict[str, str]:

@@ -218,6 +218,10 @@ class Proof(NotebookDisplay):
         if not (self.runs and self.criteria):
             raise InputError("runs: none; a proof needs at least one run")
 
+    def led_by(self, remark: str) -> Proof:
+        """Return the proof with the result of a search before all other remarks."""
+        return replace(self, diagnostics=self.diagnostics.led_by(remark))
+
     @property
     def nominal(self) -> Trace:
         """Trace of the first run."""

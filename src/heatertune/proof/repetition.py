@@ -115,6 +115,8 @@ def apply_provenance(words: Words, recipe: DesignProvenance | None) -> Words:
     words = with_pwm_period(controller_for(words.target).cycle, words, recipe.conditions.pwm_period_s)
     if recipe.power_most_pct is not None:
         words = controller_for(words.target).with_output_limit(words, recipe.power_most_pct)
+    if recipe.window_degC is not None:
+        words = controller_for(words.target).with_window(words, recipe.window_degC)
     if recipe.boost is not None:
         words = replace(words, boost=construct_from(Boost, recipe.boost))
     return words if recipe.setpoint_ramp is None else replace(words, ramp=_ramp(words, recipe.setpoint_ramp))

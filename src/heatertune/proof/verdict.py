@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Final, Literal
 
 from heatertune.codec import Document, construct_from, decode, encode
@@ -19,10 +19,10 @@ from heatertune.proof.specification import GENERAL, NOTHING, Specification, rela
 from heatertune.units import count
 
 __all__ = [
-    "ASSUMED", "BREAKS_NONE", "FIRST", "NOT_PROVEN", "PROOF_SCHEMA", "FitDiagnostics", "FitDiagnosticsView",
-    "blocking_findings", "closing_text", "combined_verdict", "derived_verdict", "extent", "relaxed_clause",
-    "relaxed_of", "sample_lines", "samples_told", "switching_lines", "told_by_kind", "told_of", "verdict_brief",
-    "verdict_details", "verdict_first", "verdict_line", "verdict_of_samples", "wear_text",
+    "ASSUMED", "BREAKS_NONE", "FIRST", "NOTHING_PASSES", "NOT_PROVEN", "PROOF_SCHEMA", "WIDER", "FitDiagnostics",
+    "FitDiagnosticsView", "blocking_findings", "closing_text", "combined_verdict", "derived_verdict", "extent",
+    "relaxed_clause", "relaxed_of", "sample_lines", "samples_told", "switching_lines", "told_by_kind", "told_of",
+    "verdict_brief", "verdict_details", "verdict_first", "verdict_line", "verdict_of_samples", "wear_text",
 ]
 
 #: of a proof's document; those of the first did not hear the fit, of the second not what goes wrong in use
@@ -32,6 +32,12 @@ NOT_PROVEN: Final = "NOT PROVEN"
 
 #: begins the remark about a request whose design keeps every limit and is not proven all the same
 BREAKS_NONE: Final = "would break no limit, yet be not proven, at"
+
+#: begins the remark of a search that found nothing that passes
+NOTHING_PASSES: Final = "nothing that was tried"
+
+#: begins what a remark tells of the limits that it suggests
+WIDER: Final = "a wider limit: "
 
 #: what a user may know beside the log → how a certificate says it
 ASSUMED: Final = {
@@ -92,6 +98,10 @@ class FitDiagnostics:
         for name in self.accepted:
             if name not in blocks:
                 raise UnknownName("finding to accept", name, blocks)
+
+    def led_by(self, remark: str) -> FitDiagnostics:
+        """Return these with the result of a search before all other remarks: a screen leaves out the last ones."""
+        return replace(self, remarks=(remark, *self.remarks))
 
     @property
     def blocking(self) -> tuple[str, ...]:

@@ -20,6 +20,8 @@ from heatertune.proof.heaters import BY_CURVE
 from heatertune.proof.long_outage import JUDGED
 from heatertune.proof.verdict import (
     BREAKS_NONE,
+    NOTHING_PASSES,
+    WIDER,
     blocking_findings,
     closing_text,
     relaxed_clause,
@@ -199,7 +201,17 @@ def _verdict(proof: Document, nearest: Sequence[str] = ()) -> list[str]:
     if verdict != "PASS" and nearest:
         unproven = set(open_) - set(JUDGED) or any(BREAKS_NONE in remark for remark in proof["remarks"])
         lines += ["no limit is broken by:" if unproven else "nearest that passes:", *command(nearest)]
+    if verdict != "PASS":
+        lines += _search_lines(proof)
     return lines
+
+
+def _search_lines(proof: Document) -> list[str]:
+    """Return that a search found nothing, or what the limits mean that it suggests; nothing where it did neither."""
+    first = next(iter(proof["remarks"]), "")
+    if NOTHING_PASSES in first:
+        return wrap_text(first, "  ", _SAID)
+    return wrap_text(WIDER + first.partition(WIDER)[2].partition("; ")[0], "  ", _SAID) if WIDER in first else []
 
 
 def _finding(proof: Document) -> str:
@@ -268,7 +280,8 @@ def _doubts(proof: Document, unsure: Iterable[str] = ()) -> dict[str, list[str]]
         "not known": [*told["not known"], *unsure],
         "not tested": [_SETTINGS.sub(_points, part) for part in told["not tested"]],
         "assumed": [*told["assumed"], *(f"--assume {setting}" for setting in known)],
-        "asked": told["asked"], "also": told["changed"], "faults": list(proof["faults"]),
+        "asked": told["asked"], "also": [remark for remark in told["changed"] if NOTHING_PASSES not in remark],
+        "faults": list(proof["faults"]),
     }
 
 

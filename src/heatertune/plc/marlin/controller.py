@@ -380,5 +380,6 @@ Marlin = controller_of(FirmwarePid(
     further={
         "tick_s": 0.001, "pwm_period_s": 0.127, "derivative_filter": 0.95, "scan_all": staticmethod(_scan),
         "text_of_heater": staticmethod(from_text), "again_degC": _again_degC, "forgets_degC": _forgets_degC,
+        "window": "PID_FUNCTIONAL_RANGE",
     },
 ))

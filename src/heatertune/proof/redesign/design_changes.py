@@ -16,8 +16,8 @@ from heatertune.plc import Words, controller_for
 from heatertune.plc.pwm import HALF_WAVE_S, in_ticks
 from heatertune.proof.design_request import DesignRequest, DesignResult
 from heatertune.proof.heaters import RESERVE_PCT, ROOM_DEGC
+from heatertune.proof.long_outage import LOADED, WINDOW, briefly, wound
 from heatertune.proof.long_outage import OVERSHOOTS as OF_NIGHTS
-from heatertune.proof.long_outage import briefly
 from heatertune.proof.proof import Proof
 from heatertune.proof.prove_words import default_pwm_period_s
 from heatertune.proof.ripple_and_wear import holding_power_pct, ripple_at
@@ -26,11 +26,14 @@ from heatertune.settings import TuneSettings
 from heatertune.units import written
 
 __all__ = [
-    "COARSE", "OF_WINDUP", "DesignChange", "Pwm", "broken", "calmest_pwm", "change_sentence", "costs",
+    "COARSE", "DEAR", "OF_WINDUP", "DesignChange", "Pwm", "broken", "calmest_pwm", "change_sentence", "costs",
     "default_changes", "design_changes", "gains_told", "more_iae", "output_limits", "shorter_intervals", "unwinds",
+    "wider_windows",
 ]
 
 
+#: more IAE of load disturbances: then another change may be the cheaper one
+DEAR: Final = 0.3
 _NOTICED: Final = 0.1  # a smaller change of heat-up or switchings is not told
 _NEAR: Final = 0.05  # a factor nearer to 1 is told with a digit more
 _SAME: Final = 0.005  # a factor of gains nearer to 1 is not told
@@ -38,6 +41,7 @@ _NOTHING_PCT: Final = 0.05  # more IAE than this is told
 #: of what is broken → how it is told, where the story itself is kept
 _BRIEFLY: Final = {"reheat": "reheat overshoot after a short open circuit",
                    "restart": "restart overshoot while the heater is warm"}
+_UNDER_LOAD: Final = frozenset({LOADED, WINDOW})
 
 
 def gains_told(first: PidDesign, design: PidDesign) -> str:
@@ -78,6 +82,8 @@ def _costs(first: DesignResult, result: DesignResult) -> Iterator[str]:
 
 def broken(result: DesignResult) -> str:
     """Return the criteria that a design breaks, in the story or in other lengths of its parts, for a reader."""
+    if _UNDER_LOAD & wound(result.proof.diagnostics):
+        return "the return from an open circuit under a load"
     if names := briefly(result.proof.diagnostics):
         return ", ".join(told for part, told in _BRIEFLY.items() if any(each.startswith(part) for each in names))
     return ", ".join(result.proof.broken_criteria).replace("_", " ")
@@ -95,6 +101,10 @@ _LOOSER_MS: Final = 1.8
 OF_WINDUP: Final = OVERSHOOTS.union(*OF_NIGHTS.values())
 #: of the power left over at the setpoint, what a limit of the output leaves for loads and low mains voltage
 _RESERVES: Final = (0.6, 0.4, 0.25)
+#: what a loop breaks that falls out of a firmware's window again and again
+_RETURN: Final = "reheat_time"
+#: of the distance at which P alone asks for full power: a firmware's window
+_WINDOWS: Final = (0.6, 0.8, 1.0, 1.4)
 #: times TA
 _INTERVALS: Final = (0.5, 2.0, 0.25)
 
@@ -133,6 +143,7 @@ class DesignChange:
         structure: of the design.
         ms: a looser limit of the optimum than asked for, within the specification.
         power_most_pct: the controller never asks for more [%].
+        window_degC: a firmware hands over from full power to the PID so far from the setpoint [°C].
         boosted: whether the program gives full power far from the setpoint.
         ramped: whether the setpoint is led by a ramp.
     """
@@ -144,6 +155,7 @@ class DesignChange:
     structure: str | None = None
     ms: float | None = None
     power_most_pct: float | None = None
+    window_degC: float | None = None
     has_boost: bool = False
     has_ramp: bool = False
 
@@ -174,9 +186,9 @@ class DesignChange:
 
     def on(self, words: Words) -> Words:
         """Return words with what these changes do to them, gains aside; raise OutOfRange where they cannot be so."""
-        if self.power_most_pct is None:
-            return words
-        return controller_for(words.target).with_output_limit(words, self.power_most_pct)
+        controller = controller_for(words.target)
+        words = words if self.window_degC is None else controller.with_window(words, self.window_degC)
+        return words if self.power_most_pct is None else controller.with_output_limit(words, self.power_most_pct)
 
     def apply_to(self, request: DesignRequest, first: DesignResult, tick_s: float | None) -> DesignRequest:
         """Return what is asked for with these changes.
@@ -201,7 +213,7 @@ class DesignChange:
     @property
     def only_outside(self) -> bool:
         """Whether a design that shall stay as it is can be proven with these changes."""
-        inside = (self.sample_time_s, self.structure, self.ms, self.power_most_pct)
+        inside = (self.sample_time_s, self.structure, self.ms, self.power_most_pct, self.window_degC)
         return self != DesignChange() and not any(inside)
 
     def summary(self, sample_time_s: float, tick_s: float | None) -> str:
@@ -215,6 +227,7 @@ class DesignChange:
                         "usually takes 1 s or more)" if self.bursts_s else
                         f"a PWM period of {period:.3g} s{' (a solid-state relay)' if about else ''}"),
             self.power_most_pct and f"an output of at most {self.power_most_pct:.3g} %",
+            self.window_degC and f"a firmware built with a window of {self.window_degC:.3g} °C",
             self.has_boost and "a boost",
             self.has_ramp and "a setpoint ramp")
         return " and ".join(part for part in parts if part)
@@ -244,6 +257,7 @@ def design_changes(
     slow = [] if given or "switchings" not in broken else switch.slower()
     swings = bool(broken & {"limit_cycle", "pwm_ripple"}) and switch.share(proof.actuator.pwm_period_s) > 1.0
     limited = list(switch.limited()) if broken & OF_WINDUP else []
+    yield from wider_windows(proof)
     controller, beyond = controller_for(words.target), bool(broken & (OVERSHOOTS | REHEATS))
     boosted = [DesignChange(has_boost=True)] if boost_open and controller.has_boost and beyond else []
     ramped = [DesignChange(has_ramp=True)] if ramp_open and controller.has_ramp and beyond else []
@@ -274,6 +288,22 @@ def design_changes(
         yield from boosted  # with what has helped by now
     if not hopeless:
         yield from bursts
+
+
+def wider_windows(proof: Proof) -> Iterator[DesignChange]:
+    """Yield wider windows of a firmware whose loop falls out of its own again and again.
+
+    At the edge the P part has to ask for what setpoint and load need: the sum begins there from zero.
+    """
+    controller, design = controller_for(proof.words.target), proof.design
+    falls_out = WINDOW in wound(proof.diagnostics) or _RETURN in proof.broken_criteria
+    if controller.window is None or design is None or not falls_out:
+        return
+    full_degC = controller.most_power_pct(proof.words) / abs(design.gain_pct_per_degC)
+    built_degC, most_degC = proof.words.values[controller.window], proof.words.scaling.span_degC
+    for window_degC in dict.fromkeys(float(round(share * full_degC)) for share in _WINDOWS):
+        if built_degC < window_degC < most_degC:
+            yield DesignChange(window_degC=window_degC)
 
 
 def unwinds(target: str, frame: DesignChange, *, ramp_open: bool) -> bool:

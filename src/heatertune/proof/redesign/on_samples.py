@@ -18,7 +18,7 @@ from heatertune.proof.redesign.design_changes import costs, gains_told
 from heatertune.proof.redesign.redesign_search import closed_on_runs
 from heatertune.proof.redesign.suggestion import known_as, passes_told
 from heatertune.proof.repetition import made_again
-from heatertune.proof.verdict import samples_told, verdict_of_samples
+from heatertune.proof.verdict import NOTHING_PASSES, samples_told, verdict_of_samples
 from heatertune.settings import SampleSettings
 from heatertune.units import count
 
@@ -57,7 +57,7 @@ def closed_on_samples(
         return first
     if (mended := _made_for_more(first, found.proof.verdict, fitted, request, progress)) is not None or not ways_on:
         return mended or first
-    return _with_way_on(_remarked(first, "nothing that was tried makes the samples pass"), fitted, request, progress)
+    return _with_way_on(_remarked(first, f"{NOTHING_PASSES} makes the samples pass"), fitted, request, progress)
 
 
 def _made_for_more(
@@ -171,5 +171,4 @@ def _changed(first: DesignResult, result: DesignResult, more: int) -> DesignResu
 
 
 def _remarked(result: DesignResult, remark: str) -> DesignResult:
-    heard = result.proof.diagnostics
-    return replace(result, proof=replace(result.proof, diagnostics=replace(heard, remarks=(*heard.remarks, remark))))
+    return replace(result, proof=result.proof.led_by(remark))

@@ -32,6 +32,7 @@ from heatertune.proof.long_outage import briefly, sums_up, winds_up
 from heatertune.proof.nearest_specification import settings_told
 from heatertune.proof.prove_words import every_setpoint, tune_settings_for
 from heatertune.proof.redesign.design_changes import (
+    DEAR,
     OF_WINDUP,
     DesignChange,
     broken,
@@ -44,6 +45,7 @@ from heatertune.proof.redesign.design_changes import (
     shorter_intervals,
     unwinds,
 )
+from heatertune.proof.redesign.lower_setpoint import kept_below
 from heatertune.proof.redesign.suggestion import Suggestion, passing_told
 from heatertune.proof.runs import MOST_SCANS, SearchBudget, judged_once
 from heatertune.proof.setpoint_ramp import BY_RAMP
@@ -215,7 +217,6 @@ def _turned(design: PidDesign) -> PidDesign:
     return replace(design, gain_pct_per_degC=-design.gain_pct_per_degC)
 
 
-_DEAR: Final = 0.3  # more IAE of load disturbances: then another change may be the cheaper one
 _CHEAPER: Final = 0.8  # of the price of the first that passes: what saves less is not worth its changes
 _SOONER: Final = 1 / 16  # of TA: what two levels swing by hangs on the dead time alone then
 _HELPS: Final = 0.9  # of the least badness so far: where a change leaves more, no gains are looked for around it
@@ -245,15 +246,14 @@ def find_passing_design(fitted: FittedModel, request: DesignRequest, *, progress
 @judged_once()
 def closed_on_runs(
     fitted: FittedModel, request: DesignRequest, *, ways_on: bool = True, freeing: bool = True,
-    verdict_only: bool = False,
-    progress: ProgressCallback = str, stage: ProgressCallback = str,
+    verdict_only: bool = False, progress: ProgressCallback = str, stage: ProgressCallback = str,
 ) -> DesignResult:
     """Return what `closed` does before the exported text is run: for who does so a little later, with `as_exported`.
 
     Args:
         fitted: as `closed`.
         request: likewise.
-        ways_on: whether what else would pass is looked for, too.
+        ways_on: whether what else would pass is looked for, and what keeps the limits below the setpoint as well.
         freeing: whether that may leave open what is fixed of the design; not where the search itself has fixed it.
         verdict_only: whether only the verdict counts: of what winds up nothing else that would pass is looked for.
         progress: likewise.
@@ -263,18 +263,20 @@ def closed_on_runs(
     still = request if request.as_is else replace(request, setpoint_ramp=request.setpoint_ramp or "none")
     with SearchBudget(scans=math.inf) as plain:
         first = plainly(fitted, still, text=False, progress=progress, stage=stage)
-    if request.as_is or (first.proof.verdict != "FAIL"
-                         and not (first.proof.design and winds_up(first.proof.diagnostics))):
-        return first
+    dear = plain.used > _DEAR_PROOF * MOST_SCANS
+    below = partial(kept_below, fitted=fitted, request=request, dear=dear, close=closed_on_runs, progress=progress)
+    kept = first.proof.verdict != "FAIL" and not (first.proof.design and winds_up(first.proof.diagnostics))
+    if kept or request.as_is:
+        return below(first) if ways_on else first
     search = RedesignSearch(
-        fitted_model=fitted, request=request, first=first, progress=progress, freeing=freeing,
-        verdict_only=verdict_only, has_dear_proofs=plain.used > _DEAR_PROOF * MOST_SCANS)
+        fitted_model=fitted, request=request, first=first, progress=progress, freeing=freeing, has_dear_proofs=dear,
+        verdict_only=verdict_only)
     mended = search.cheapest() if first.proof.design else search.sooner(ways_on=ways_on)
     if not ways_on:
         return mended or first
     if mended is None:
         return search.way_on.with_suggestion(search.budget.message if search.budget.spent else "")
-    return replace(mended, notes=(*mended.notes, *search.hints(mended)))
+    return below(replace(mended, notes=(*mended.notes, *search.hints(mended))))
 
 
 @dataclass(slots=True, kw_only=True)
@@ -460,7 +462,7 @@ class RedesignSearch:
         with self.budget:
             for mended in () if sums_up(self.first.proof.diagnostics) else self._mended():
                 self.dear.append(mended)
-                if more(mended) <= _DEAR:
+                if more(mended) <= DEAR:
                     return mended
             wound = tuple(self.wound)
             if not self.dear and (wound or self._windup_alone):
@@ -471,8 +473,7 @@ class RedesignSearch:
         if self.dear:
             best = min(self.dear, key=more)
             return self._ended(self.dear[0] if more(best) > _CHEAPER * more(self.dear[0]) else best)
-        wound_up = sorted((each for _, each in self.wound), key=more)
-        if not wound_up:
+        if not (wound_up := sorted((each for _, each in self.wound), key=more)):
             return None
         return self._ended(wound_up[0] if self.verdict_only else self.way_on.unwound(wound_up))
 
@@ -480,9 +481,8 @@ class RedesignSearch:
         """Return a design that says that the search ended early, where it did."""
         if not self.budget.spent:
             return result
-        told, heard = f"{self.budget.message}; this is the best so far", result.proof.diagnostics
-        return replace(result, notes=(*result.notes, f"{told[0].upper()}{told[1:]}."),
-                       proof=replace(result.proof, diagnostics=replace(heard, remarks=(*heard.remarks, told))))
+        told, notes = f"{self.budget.message}; this is the best so far", result.notes
+        return replace(result, notes=(*notes, f"{told[0].upper()}{told[1:]}."), proof=result.proof.led_by(told))
 
     def _mended(self) -> Iterator[DesignResult]:
         """Yield what keeps every limit of each frame, and does not wind up."""
@@ -525,8 +525,8 @@ class RedesignSearch:
             sooner: whether at shorter intervals than the design's, even below the log's: the boost ends by up to an
                 interval of full power too late.
         """
-        has_boost = self._boost_open and controller_for(self.request.target).has_boost
-        if not (has_boost and self.by_optimum) or (sooner and self._interval_given):
+        can_boost = self._boost_open and self.by_optimum and controller_for(self.request.target).has_boost
+        if not can_boost or (sooner and self._interval_given):
             return None
         why = "what passes winds up in a long open circuit" if wound else f"{broken(self.first)} fails"
         self.progress(f"{why}: trying a boost with other gains")
@@ -580,7 +580,7 @@ class RedesignSearch:
         return None
 
     def sooner(self, *, ways_on: bool) -> DesignResult | None:
-        """Return a control without gains that passes as it scans more often; None where it does not, or must not."""
+        """Return a control without gains that passes as it scans more often; else None."""
         if self.request.tune_settings.sample_time_s is not None:
             return None
         timer = controller_for(self.request.target).timer
@@ -617,7 +617,7 @@ class RedesignSearch:
             return
         hanging = settings_told(self.first.proof, "the optimum")
         yield from hanging
-        if not hanging and more_iae(self.first, mended) > _DEAR and (told := self._cheaper_setting(mended)):
+        if not hanging and more_iae(self.first, mended) > DEAR and (told := self._cheaper_setting(mended)):
             yield f"It {told}."
 
     def _cheaper_setting(self, mended: DesignResult) -> str:
@@ -688,8 +688,8 @@ class RedesignSearch:
         what = " and ".join(filter(None, (gains, self.summary(frame), held))) + ("" if boost is None else f" ({boost})")
         heard = tried.proof.diagnostics
         proof = replace(tried.proof, diagnostics=replace(heard, remarks=(*heard.remarks, f"with {what}")))
-        refined = self.request.refined and by is self.first.choice
-        recipe = replace(tried.recipe, power_most_pct=frame.power_most_pct, refined=refined)
+        recipe = replace(tried.recipe, power_most_pct=frame.power_most_pct, window_degC=frame.window_degC,
+                         refined=self.request.refined and by is self.first.choice)
         mended = replace(tried, proof=proof, recipe=recipe,
                          notes=(change_sentence(self.first, tried, what), *tried.notes))
         if winds_up(heard):

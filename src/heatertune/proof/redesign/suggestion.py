@@ -5,6 +5,7 @@ Of a program with its source's faults that is the one repaired.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
@@ -29,13 +30,14 @@ from heatertune.proof.nearest_specification import (
     physical_help,
     suspects,
     tolerance_that_passes,
+    wider_limits_text,
     within_reach,
 )
 from heatertune.proof.proof import Proof
-from heatertune.proof.redesign.design_changes import COARSE, broken, calmest_pwm
+from heatertune.proof.redesign.design_changes import COARSE, DesignChange, broken, calmest_pwm
 from heatertune.proof.runs import SearchBudget
 from heatertune.proof.scenario import NewSetpoint
-from heatertune.proof.verdict import BREAKS_NONE
+from heatertune.proof.verdict import BREAKS_NONE, NOTHING_PASSES
 from heatertune.proof.worst_runs import RunScreen
 from heatertune.settings import TuneSettings
 
@@ -45,6 +47,7 @@ __all__ = ["Suggestion", "free_request", "known_as", "passes_told", "passing_tol
 _LOWER: Final = (0.95, 0.9, 0.8)
 #: of the range of use, down from its upper end, of smaller ones that may be suggested
 _OF_RANGE: Final = (0.5, 0.25)
+_SSR: Final = "ssr"
 _HOPELESS: Final = 1.2  # of the band: no open point is what it fails for
 
 
@@ -137,46 +140,46 @@ class Suggestion:
         why = coarse if share >= COARSE else None
         told, options = "", tuple[str, ...]()
         with SearchBudget() as budget:
-            options = self._by_repair()
+            options = self._by_repair() or self._by_design() or self._by_switch() or self._by_more_scans()
             if not options:
                 told, options = self.by_settings()
-            options = (options or self._by_design() or self._by_more_scans() or self._by_setpoint()
-                       or self._by_tolerance() or self._by_limits() or self._by_both())
+            options = (options or self._by_setpoint() or self._by_tolerance() or self._by_limits()
+                       or self._by_both())
         if not told:
-            would = f"would pass at {' '.join(options)}" if options else self._hopeless
+            ended = ended or (budget.message if budget.spent else "")
+            would = f"would pass at {' '.join(options)}" if options else self._hopeless(whole=not ended)
             if not options and self.unproven:
                 options = self.unproven
                 would = f"{BREAKS_NONE} {' '.join(options)}"
-            told = "; ".join(filter(None, (why, would, ended or (budget.message if budget.spent else ""))))
-        heard = replace(proof.diagnostics, remarks=(*proof.diagnostics.remarks, told))
+            told = "; ".join(filter(None, (would, wider_limits_text(options), why, ended)))
         note = f"The requested optimum fails: {broken_told(proof.criteria)}; {told}."
-        return replace(first, proof=replace(proof, diagnostics=heard), notes=(*first.notes, note, *self.untried),
+        return replace(first, proof=proof.led_by(told), notes=(*first.notes, note, *self.untried),
                        passes_with=options, recipe=replace(first.recipe, way_on=told))
 
     def unwound(self, wound_up: Sequence[DesignResult]) -> DesignResult:
         """Return the first of several designs that wind up; its proof says what passes.
 
-        That is a setting of an open point, a smaller range of use, its upper end or a larger limit, in this order. What
-        another one of the designs would need counts, too.
+        That is another design, a setting of an open point, a smaller range of use, its upper end or a larger limit, in
+        this order. What another one of the designs would need counts, too.
         """
         found, *_ = wound_up
         different = {repr(each.proof.words): each for each in wound_up}.values()
         told, options = "", tuple[str, ...]()
         with SearchBudget() as budget:
-            told, options = self.by_settings(found)
+            options = self._by_design(wound_up=True)
+            if not options:
+                told, options = self.by_settings(found)
             for way in (self._by_range, self._by_upper_end, self._by_overshoot):
                 options = options or next(filter(None, map(way, different)), ())
-        told = told or (f"would pass at {' '.join(options)}" if options else "")
+        told = told or ("; ".join(filter(None, (f"would pass at {' '.join(options)}", wider_limits_text(options))))
+                        if options else "")
         if budget.spent and not told:
-            heard = replace(found.proof.diagnostics, remarks=(*found.proof.diagnostics.remarks, budget.message))
-            return replace(found, proof=replace(found.proof, diagnostics=heard))
+            return replace(found, proof=found.proof.led_by(budget.message))
         if not told:
             return found
-        heard = replace(found.proof.diagnostics, remarks=(*found.proof.diagnostics.remarks, told))
         shorts = " and ".join(KINDS[name].short for name in sorted(wound(found.proof.diagnostics)))
         note = f"{shorts[0].upper()}{shorts[1:]}; it {told}."
-        return replace(found, proof=replace(found.proof, diagnostics=heard), notes=(*found.notes, note),
-                       passes_with=options)
+        return replace(found, proof=found.proof.led_by(told), notes=(*found.notes, note), passes_with=options)
 
     def _by_repair(self) -> tuple[str, ...]:
         target = REPAIRED.get(self.request.target)
@@ -302,24 +305,54 @@ class Suggestion:
                 f"±{tolerance:.3g} °C{bursts}")
         return calm.share(tolerance), told
 
-    @property
-    def _hopeless(self) -> str:
-        """What is told where nothing that may be suggested passes."""
+    def _hopeless(self, *, whole: bool) -> str:
+        """Return what is told where nothing that may be suggested passes; `whole`: the search went to its end."""
         help_ = physical_help(self.first.proof.broken_criteria)
-        return "nothing that was tried passes, nor does any limit of up to twice its default" + (
+        return f"{NOTHING_PASSES} passes" + (", nor does any limit of up to twice its default" if whole else "") + (
             f"; changes to the heater would help: {help_}" if help_ else "")
 
-    def _by_design(self) -> tuple[str, ...]:
-        """Return the options that leave open what the user gave of the design; none where that does not pass."""
+    def _by_design(self, *, wound_up: bool = False) -> tuple[str, ...]:
+        """Return the options that leave open what the user gave of the design; none where that does not pass.
+
+        Args:
+            wound_up: whether the design keeps every limit already, so that what winds up is no better.
+        """
         options, asked = free_request(self.request)
-        if not options or not self.freeing:
+        return self._freed(options, asked, wound_up=wound_up) if options else ()
+
+    def _freed(self, options: tuple[str, ...], request: DesignRequest, *, wound_up: bool = False) -> tuple[str, ...]:
+        """Return options if the design of their request passes; else none."""
+        if not self.freeing:
             return ()
         self.progress(f"{broken(self.first)} fails: trying {' '.join(options)}")
         try:
-            other = self.close(self.fitted_model, asked, progress=self.progress)
+            other = self.close(self.fitted_model, request, progress=self.progress)
         except HeatertuneError:  # there is no such design
             return ()
-        return self._taken(other.proof, options)
+        return () if wound_up and winds_up(other.proof.diagnostics) else self._taken(other.proof, options)
+
+    def _by_switch(self) -> tuple[str, ...]:
+        """Return the options of a solid-state relay, or of its calmest PWM period, where the user named another one."""
+        request, kind, given_s = self.request, self.request.switch_kind, self.request.conditions.pwm_period_s
+        if kind is None and given_s is None:  # it was free
+            return ()
+        other = () if kind in (None, _SSR) else ("--switch-kind", _SSR)
+        asked = request if kind is None else replace(request, switch_kind=_SSR)
+        options = self._freed(other, asked) if other and given_s is None else ()
+        return options or self._by_calm_pwm(other, asked)
+
+    def _by_calm_pwm(self, options: tuple[str, ...], request: DesignRequest) -> tuple[str, ...]:
+        """Return options of another switch with those of its calmest PWM period, if that is shorter and passes."""
+        calm = calmest_pwm(self.first.proof, self.fitted_model.plants)
+        if calm is None:  # the controller makes the PWM itself
+            return ()
+        calm_s = DesignChange(pwm_about_s=calm.period_s).pwm_at(
+            self.first.ideal.sample_time_s, controller_for(request.target).tick_s)
+        if calm_s is None or not calm_s < (request.conditions.pwm_period_s or math.inf):
+            return ()
+        text = f"{calm_s:.12g}"
+        return self._freed((*options, "--pwm-period", text), replace(
+            request, conditions=replace(request.conditions, pwm_period_s=float(text))))
 
     def _by_setpoint(self) -> tuple[str, ...]:
         """Return the option of a lower setpoint at which the plain design passes; none where there is none nearby."""
