@@ -24,7 +24,9 @@ from datetime import UTC, datetime, timedelta
 from typing import Any, Final
 
 from asyncua import Server, ua
+from asyncua.common.connection import TransportLimits
 from asyncua.server.address_space import AttributeService
+from asyncua.server.binary_server_asyncio import OPCUAProtocol
 
 from heatertune.errors import OutOfRange
 from heatertune.live.block_memory import STRUCTS, Access, BlockMemory, BlockSignal, Refusal
@@ -177,6 +179,8 @@ _CODES: Final = {Access.MISSING: ua.StatusCodes.BadNodeIdUnknown, Access.OUTSIDE
                  Access.PROTECTED: ua.StatusCodes.BadNotWritable}
 _LOOK_S: Final = 0.05  # so often what is subscribed to is looked at
 _MOST_S: Final = 2e11  # a date ends with the year 9999
+_CHUNKS: Final = 64  # of a message: all nodes are read in a tenth of that
+_CONNECTIONS: Final = 100
 #: unit → its UNECE code, whose letters are its number (OPC 10000-8, section 5.6.4.3)
 _UNITS: Final = {"°C": b"CEL", "%": b"P1"}
 
@@ -231,6 +235,30 @@ def _code(refused: Refusal | ua.UaStatusCodeError) -> int:
     return int(_CODES[refused.why] if isinstance(refused, Refusal) else refused.code)
 
 
+class _Connection(OPCUAProtocol):  # type: ignore[misc]
+    """A connection of the library's, which would keep whatever a client sends until it makes a message."""
+
+    def data_received(self, data: bytes) -> None:
+        super().data_received(data)
+        if len(self._buffer) > self.limits.max_recv_buffer and self.transport is not None:
+            self.transport.abort()  # larger than any chunk that was agreed: it never makes one
+
+    def connection_lost(self, ex: BaseException | None) -> None:
+        super().connection_lost(ex)
+        # each task refers to the cancelled frame, and the frame to this; among so many nodes such a cycle stays for long
+        self._task = self._activation_watchdog_task = None
+
+    def pause_writing(self) -> None:
+        """Take no more requests of a client that takes no answers."""
+        if self.transport is not None:
+            self.transport.pause_reading()  # type: ignore[attr-defined]
+
+    def resume_writing(self) -> None:
+        """Take requests again."""
+        if self.transport is not None:
+            self.transport.resume_reading()  # type: ignore[attr-defined]
+
+
 class OpcuaServer(AsideServer):
     """The library's server."""
 
@@ -244,6 +272,11 @@ class OpcuaServer(AsideServer):
         self._plc, self._port = plc, listener.getsockname()[1]
         super().__init__("OPC UA", listener)
 
+    def connections(self, factory: Any) -> Any:
+        """Return what makes the protocol of each connection; see `_Connection`."""
+        own = factory.__self__
+        return lambda: _Connection(own.iserver, own._policies, own.clients, own.closing_tasks, own.limits)
+
     @asynccontextmanager
     async def serving(self) -> AsyncIterator[None]:
         """Serve; see `heatertune.live.thread_server.AsideServer`."""
@@ -256,6 +289,8 @@ class OpcuaServer(AsideServer):
     async def _made(self) -> tuple[Server, _Attributes]:
         """Return a server with all its nodes."""
         server = Server()
+        server.limits = TransportLimits(max_chunk_count=_CHUNKS, max_message_size=_CHUNKS * 65535)
+        server.iserver.max_connections = _CONNECTIONS
         server.iserver.attribute_service = service = _Attributes(server.iserver.aspace, self._plc)
         collects = gc.isenabled()
         gc.disable()  # 100,000 objects that all stay: looking for garbage takes half the time
