@@ -23,6 +23,8 @@ import tempfile
 import time
 from pathlib import Path
 
+from asyncua.sync import Client as OpcuaClient
+from snap7.client import Client as S7Client
 from tests.bench.sessions import folder_in
 
 #: of the resident memory, behind the first sixth [KB]: what the allocator does by itself
@@ -69,16 +71,12 @@ def read_well(protocol, where):
                 answer += more
         return
     if protocol == "s7":
-        from snap7.client import Client
-
-        client = Client()
+        client = S7Client()
         client.connect(host, 0, 2, port)
         assert len(client.db_read(30, 0, 98)) == 98
         client.disconnect()
         return
-    from asyncua.sync import Client
-
-    client = Client(f"opc.tcp://{host}:{port}/", timeout=10)
+    client = OpcuaClient(f"opc.tcp://{host}:{port}/", timeout=10)
     client.connect()
     assert len(client.get_node("ns=2;s=DB30").read_value()) == 98
     client.disconnect()
@@ -143,6 +141,12 @@ def soak(minutes, seed, place, told=print, path=None):
         for each in processes.values():
             each.send_signal(signal.SIGINT)
             each.wait()
+    told(f"{rounds} rounds in {time.monotonic() - begun:.0f} s, {60 * rounds} malformed packets, {12 * rounds} MB streamed at most")
+    return judged(processes, rows, errors, told)
+
+
+def judged(processes, rows, errors, told):
+    """Return what grows, and who writes to the screen."""
     wrong = []
     for name in processes:
         for what, slack in (("memory_KB", SLACK_KB), ("descriptors", 12), ("threads", 12)):
@@ -158,7 +162,6 @@ def soak(minutes, seed, place, told=print, path=None):
         if len(lines) > 5:
             wrong.append(f"{each.name}: {len(lines)} lines, as {lines[-1]!r}")
         each.close()
-    told(f"{rounds} rounds in {time.monotonic() - begun:.0f} s, {60 * rounds} malformed packets, {12 * rounds} MB streamed at most")
     return wrong
 
 

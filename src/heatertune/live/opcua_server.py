@@ -281,10 +281,15 @@ class OpcuaServer(AsideServer):
     async def serving(self) -> AsyncIterator[None]:
         """Serve; see `heatertune.live.thread_server.AsideServer`."""
         server, service = await self._made()
-        async with server:
-            publishing = asyncio.create_task(_publish(service, server.bserver.closing_tasks))
-            yield
-            publishing.cancel()
+        gc.freeze()  # next to 100,000 objects that stay, those of clients that have gone would be collected too rarely
+        gc.collect()
+        try:
+            async with server:
+                publishing = asyncio.create_task(_publish(service, server.bserver.closing_tasks))
+                yield
+                publishing.cancel()
+        finally:
+            gc.unfreeze()
 
     async def _made(self) -> tuple[Server, _Attributes]:
         """Return a server with all its nodes."""
