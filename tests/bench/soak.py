@@ -25,6 +25,7 @@ from pathlib import Path
 
 from asyncua.sync import Client as OpcuaClient
 from snap7.client import Client as S7Client
+
 from tests.bench.sessions import folder_in
 
 #: of the resident memory, behind the first sixth [KB]: what the allocator does by itself

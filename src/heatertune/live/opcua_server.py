@@ -245,7 +245,7 @@ class _Connection(OPCUAProtocol):  # type: ignore[misc]
 
     def connection_lost(self, ex: BaseException | None) -> None:
         super().connection_lost(ex)
-        # each task refers to the cancelled frame, and the frame to this; among so many nodes such a cycle stays for long
+        # each task refers to the cancelled frame, and the frame to this: such a cycle would stay for long
         self._task = self._activation_watchdog_task = None
 
     def pause_writing(self) -> None:
