@@ -21,6 +21,7 @@ from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
+from functools import partial
 from typing import Any, Final
 
 from asyncua import Server, ua
@@ -32,10 +33,11 @@ from heatertune.errors import OutOfRange
 from heatertune.live.block_memory import STRUCTS, Access, BlockMemory, BlockSignal, Refusal
 from heatertune.live.controller_block import ServedBlock
 from heatertune.live.plc import VirtualPlc
+from heatertune.live.siemens_tags import INSTANCE, NAMESPACE, TAGGED, TAGS
 from heatertune.live.simulator_status import OWN, OWN_CELLS
 from heatertune.live.thread_server import AsideServer
 
-__all__ = ["NodeVariable", "OpcuaServer", "cells_of", "range_of"]
+__all__ = ["NodeVariable", "OpcuaServer", "cells_of", "range_of", "tags_of"]
 
 
 #: format of `struct` → type of a value
@@ -146,6 +148,21 @@ def cells_of(block: ServedBlock) -> Iterator[NodeVariable]:
             yield _quantity(name, block.number, block.signals[quantity], unit, written=written)
 
 
+def tags_of(block: ServedBlock, target: str) -> Iterator[NodeVariable]:
+    """Yield the members of a PID_Compact's instance by their names, as an S7-1500 shows them."""
+    for tag, place in TAGS.items() if target == TAGGED else ():
+        name = f"{INSTANCE}.{tag}"
+        if place.format == "BOOL":
+            yield NodeVariable(name=name, block=block.number, part=place.part, type=ua.VariantType.Boolean, to=None,
+                               of=partial(_bit, place.bit))
+        else:
+            yield _number(name, block.number, place.byte, STRUCTS[place.format], written=True)
+
+
+def _bit(number: int, content: bytes) -> bool:
+    return bool(content[0] >> number & 1)
+
+
 def _number(name: str, block: int, start: int, code: str, *, written: bool) -> NodeVariable:
     """Return the cell of a number that stands in a block."""
     form = struct.Struct(code)
@@ -251,12 +268,12 @@ class _Connection(OPCUAProtocol):  # type: ignore[misc]
     def pause_writing(self) -> None:
         """Take no more requests of a client that takes no answers."""
         if self.transport is not None:
-            self.transport.pause_reading()  # type: ignore[attr-defined]
+            self.transport.pause_reading()
 
     def resume_writing(self) -> None:
         """Take requests again."""
         if self.transport is not None:
-            self.transport.resume_reading()  # type: ignore[attr-defined]
+            self.transport.resume_reading()
 
 
 class OpcuaServer(AsideServer):
@@ -332,15 +349,21 @@ def _tell_time(server: Server) -> None:
 
 async def _lay_out(server: Server, service: _Attributes) -> None:
     """Add a node for each cell, and objects where they stand in none."""
-    index = await server.register_namespace("urn:heatertune:blocks")
+    block = service.plc.block
+    for uri, cells in (("urn:heatertune:blocks", cells_of(block)), (NAMESPACE, tags_of(block, service.plc.target))):
+        await _lay_out_in(await server.register_namespace(uri), cells, server, service)
+
+
+async def _lay_out_in(index: int, cells: Iterator[NodeVariable], server: Server, service: _Attributes) -> None:
     nodes: dict[str, Any] = {"": server.nodes.objects}
-    for cell in cells_of(service.plc.block):
+    for cell in cells:
         *above, name = cell.name.split(".")
+        shown = [each.strip('"') for each in above]
         for depth in range(1, len(above) + 1):
             path, parent = ".".join(above[:depth]), nodes[".".join(above[: depth - 1])]
             if path not in nodes:
-                nodes[path] = await parent.add_object(ua.NodeId(path, index), f"{index}:{above[depth - 1]}")
-        where = nodes[".".join(above)], ua.NodeId(cell.name, index), f"{index}:{name}"
+                nodes[path] = await parent.add_object(ua.NodeId(path, index), f"{index}:{shown[depth - 1]}")
+        where = nodes[".".join(above)], ua.NodeId(cell.name, index), f"{index}:" + name.strip('"')
         nodes[cell.name] = node = await _variable(*where, cell, service)
         service.cells[node.nodeid] = cell
         server.iserver.aspace.set_attribute_value_callback(
