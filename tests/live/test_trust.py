@@ -276,7 +276,8 @@ def test_a_word_that_the_device_changes_while_it_goes_back_is_no_rollback(made, 
             return moving(first, data)
 
         here.stored, here.answered = storing, answering
-        assert write(made, here, documents(made)["proof"]["digest"][7:15], record := tmp_path / "r.jsonl") == 1
+        record = tmp_path / "r.jsonl"
+        assert write(made, here, documents(made)["proof"]["digest"][7:15], record) == 1
         told = " ".join(capsys.readouterr().out.split())
         assert told.startswith("PARTLY DONE: ")
         assert "K is 4500, not 5000: the device keeps it in place of what was sent, or somebody else has written it" in told

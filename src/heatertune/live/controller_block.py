@@ -8,9 +8,10 @@ Each table has `byte` (or `register`) and `format`; `raw` are two numbers as sto
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Final, Protocol
@@ -24,7 +25,10 @@ from heatertune.plc.open_points import assumptions_from
 from heatertune.plc.ramp import Number
 from heatertune.plc.words import FLOATS
 
-__all__ = ["ROLES", "SERVED", "Counter", "Places", "ServedBlock", "block_for", "places_given", "places_in", "places_of"]
+__all__ = [
+    "ROLES", "SERVED", "Counter", "Places", "ServedBlock", "Topic", "block_for", "places_given", "places_in",
+    "places_of",
+]
 
 
 class ServedBlock(Protocol):
@@ -155,6 +159,45 @@ class Counter:
         return 1 << 8 * self.signal.size
 
 
+_STATES: Final = {"ON": 1.0, "TRUE": 1.0, "OFF": 0.0, "FALSE": 0.0}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Topic:
+    """Where a broker's messages hold a number.
+
+    Attributes:
+        topic: of MQTT, without a wildcard.
+        path: keys and indices of a JSON payload, dots between them; empty: the payload is the number.
+        raw, shown: two numbers as published, and what they mean.
+        full: what ON means; OFF means 0.
+    """
+
+    topic: str
+    path: str = ""
+    raw: tuple[float, float] = (0.0, 1.0)
+    shown: tuple[float, float] = (0.0, 1.0)
+    full: float = 100.0
+
+    def of(self, payload: bytes) -> float:
+        """Return the quantity in a payload; no number where it holds none, as where a sensor is unavailable."""
+        try:
+            text = payload.decode()
+            found: Any = json.loads(text) if self.path or text[:1] == '"' else text
+            for key in self.path.split(".") if self.path else ():
+                found = found[int(key)] if isinstance(found, list) else found[key]
+            state = _STATES.get(str(found).upper())
+            if state is not None:
+                return state * self.full
+            number = float(found)
+        except (ValueError, TypeError, LookupError, RecursionError):
+            return math.nan
+        if not math.isfinite(number):
+            return math.nan
+        (low, high), (first, last) = self.raw, self.shown
+        return first + (number - low) * (last - first) / (high - low)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Places:
     """Where to look.
@@ -164,12 +207,14 @@ class Places:
         signals: role → where and how it stands; temperature always.
         counter: of scans, if there is one.
         told: where this is from, a few words.
+        topics: role → topic of a broker, in the place of cells.
     """
 
     block: int | None
     signals: Mapping[str, BlockSignal]
     counter: Counter | None = None
     summary: str = ""
+    topics: Mapping[str, Topic] = field(default_factory=dict)
 
     @property
     def span(self) -> tuple[int, int]:
@@ -194,6 +239,8 @@ def places_in(path: str | Path) -> Places:
         DocumentError: it cannot be read, or says something else; the message names the entry.
     """
     said = read_toml(path)
+    if isinstance(said.get("temperature"), dict) and "topic" in said["temperature"]:
+        return _topics(path, said)
     for name in said:
         if name not in ("block", "counter", *ROLES):
             raise DocumentError(f"{path}: entry {name!r}: expected block, counter, {', '.join(ROLES)}")
@@ -206,6 +253,30 @@ def places_in(path: str | Path) -> Places:
         raise DocumentError(f"{path}: block = {block!r}: expected a whole number 1…{_MOST_BYTE}")
     counter = _counter(path, said["counter"]) if "counter" in said else None
     return Places(block=block, signals=signals, counter=counter, summary=Path(path).name)
+
+
+def _topics(path: str | Path, said: Mapping[str, Any]) -> Places:
+    """Return the topics that a file says; errors as `places_in`."""
+    topics = {}
+    for role, table in said.items():
+        def wrong(what: str, expected: str, role: str = role) -> DocumentError:
+            return DocumentError(f"{path}: [{role}] {what}; expected {expected}")
+
+        if role not in ROLES:
+            raise DocumentError(f"{path}: entry {role!r}: expected {', '.join(ROLES)}")
+        names = ("topic", "path", "raw", "range")
+        if not isinstance(table, dict) or not set(table) <= set(names):
+            raise wrong(f"is {table!r}", f"a table with {', '.join(names)}")
+        topic, within = table.get("topic"), table.get("path", "")
+        if not isinstance(topic, str) or not topic or set("+#\0") & set(topic):
+            raise wrong(f"topic = {topic!r}", 'one topic without + and #, as "kiln/temperature"')
+        if not isinstance(within, str) or "" in within.split(".") * bool(within):
+            raise wrong(f"path = {within!r}", 'keys with dots between them, as "DS18B20.Temperature"')
+        topics[role] = Topic(topic=topic, path=within)
+        if "raw" in table or "range" in table:
+            topics[role] = replace(topics[role], raw=_pair(table.get("raw"), "raw", wrong),
+                                   shown=_pair(table.get("range"), "range", wrong))
+    return Places(block=None, signals={}, summary=Path(path).name, topics=topics)
 
 
 def places_given(*, design: str | Path | None = None, map_file: str | Path | None = None) -> Places | None:
