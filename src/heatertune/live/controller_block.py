@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib import import_module
@@ -182,12 +183,8 @@ class Topic:
     def of(self, payload: bytes) -> float:
         """Return the quantity in a payload; no number where it holds none, as where a sensor is unavailable."""
         try:
-            text = payload.decode()
-            found: Any = json.loads(text) if self.path or text[:1] == '"' else text
-            for key in self.path.split(".") if self.path else ():
-                found = found[int(key)] if isinstance(found, list) else found[key]
-            state = _STATES.get(str(found).upper())
-            if state is not None:
+            found = self._within(payload.decode())
+            if (state := _STATES.get(str(found).upper())) is not None:
                 return state * self.full
             number = float(found)
         except (ValueError, TypeError, LookupError, RecursionError):
@@ -196,6 +193,13 @@ class Topic:
             return math.nan
         (low, high), (first, last) = self.raw, self.shown
         return first + (number - low) * (last - first) / (high - low)
+
+    def _within(self, text: str) -> Any:
+        """Return what stands at the path; raises ValueError, TypeError, LookupError or RecursionError."""
+        found: Any = json.loads(text) if self.path or text[:1] == '"' else text
+        for key in self.path.split(".") if self.path else ():
+            found = found[int(key)] if isinstance(found, list) else found[key]
+        return found
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -255,28 +259,35 @@ def places_in(path: str | Path) -> Places:
     return Places(block=block, signals=signals, counter=counter, summary=Path(path).name)
 
 
-def _topics(path: str | Path, said: Mapping[str, Any]) -> Places:
+def _topics(path: str | Path, said: Mapping[str, object]) -> Places:
     """Return the topics that a file says; errors as `places_in`."""
-    topics = {}
-    for role, table in said.items():
-        def wrong(what: str, expected: str, role: str = role) -> DocumentError:
-            return DocumentError(f"{path}: [{role}] {what}; expected {expected}")
+    if other := [role for role in said if role not in ROLES]:
+        raise DocumentError(f"{path}: entry {other[0]!r}: expected {', '.join(ROLES)}")
+    return Places(block=None, signals={}, summary=Path(path).name,
+                  topics={role: _topic(path, role, table) for role, table in said.items()})
 
-        if role not in ROLES:
-            raise DocumentError(f"{path}: entry {role!r}: expected {', '.join(ROLES)}")
-        names = ("topic", "path", "raw", "range")
-        if not isinstance(table, dict) or not set(table) <= set(names):
-            raise wrong(f"is {table!r}", f"a table with {', '.join(names)}")
-        topic, within = table.get("topic"), table.get("path", "")
-        if not isinstance(topic, str) or not topic or set("+#\0") & set(topic):
-            raise wrong(f"topic = {topic!r}", 'one topic without + and #, as "kiln/temperature"')
-        if not isinstance(within, str) or "" in within.split(".") * bool(within):
-            raise wrong(f"path = {within!r}", 'keys with dots between them, as "DS18B20.Temperature"')
-        topics[role] = Topic(topic=topic, path=within)
-        if "raw" in table or "range" in table:
-            topics[role] = replace(topics[role], raw=_pair(table.get("raw"), "raw", wrong),
-                                   shown=_pair(table.get("range"), "range", wrong))
-    return Places(block=None, signals={}, summary=Path(path).name, topics=topics)
+
+_TOPIC_TEXTS: Final = {
+    "topic": (re.compile(r"[^+#\0]+"), 'one topic without + and #, as "kiln/temperature"'),
+    "path": (re.compile(r"(?:[^.]+(?:\.[^.]+)*)?"), 'keys with dots between them, as "DS18B20.Temperature"')}
+
+
+def _topic(path: str | Path, role: str, table: object) -> Topic:
+    def wrong(what: str, expected: str) -> DocumentError:
+        return DocumentError(f"{path}: [{role}] {what}; expected {expected}")
+
+    names = ("topic", "path", "raw", "range")
+    if not isinstance(table, dict) or not set(table) <= set(names):
+        raise wrong(f"is {table!r}", f"a table with {', '.join(names)}")
+    texts = {"topic": table.get("topic"), "path": table.get("path", "")}
+    for name, (form, expected) in _TOPIC_TEXTS.items():
+        if not isinstance(texts[name], str) or not form.fullmatch(texts[name]):
+            raise wrong(f"{name} = {texts[name]!r}", expected)
+    found = Topic(**texts)
+    if {"raw", "range"} & set(table):
+        raw, shown = (_pair(table.get(name), name, wrong) for name in ("raw", "range"))
+        found = replace(found, raw=raw, shown=shown)
+    return found
 
 
 def places_given(*, design: str | Path | None = None, map_file: str | Path | None = None) -> Places | None:

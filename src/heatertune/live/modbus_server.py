@@ -37,7 +37,7 @@ _PIECE: Final = 512
 logging.getLogger("pymodbus").addHandler(logging.NullHandler())
 
 
-class _Connection(ServerRequestHandler):  # type: ignore[misc]
+class _ModbusConnection(ServerRequestHandler):  # type: ignore[misc]
     """A connection of the library's, which notes all that it is sent as text, however long, for its messages."""
 
     def data_received(self, data: bytes) -> None:
@@ -54,8 +54,8 @@ class _Connection(ServerRequestHandler):  # type: ignore[misc]
 
 
 class _TcpServer(ModbusTcpServer):  # type: ignore[misc]
-    def callback_new_connection(self) -> _Connection:
-        return _Connection(self, self.trace_packet, self.trace_pdu, self.trace_connect)
+    def callback_new_connection(self) -> _ModbusConnection:
+        return _ModbusConnection(self, self.trace_packet, self.trace_pdu, self.trace_connect)
 
 
 class ModbusServer(AsideServer):

@@ -252,7 +252,7 @@ def _code(refused: Refusal | ua.UaStatusCodeError) -> int:
     return int(_CODES[refused.why] if isinstance(refused, Refusal) else refused.code)
 
 
-class _Connection(OPCUAProtocol):  # type: ignore[misc]
+class _OpcuaConnection(OPCUAProtocol):  # type: ignore[misc]
     """A connection of the library's, which would keep whatever a client sends until it makes a message."""
 
     def data_received(self, data: bytes) -> None:
@@ -290,9 +290,9 @@ class OpcuaServer(AsideServer):
         super().__init__("OPC UA", listener)
 
     def connections(self, factory: Any) -> Any:
-        """Return what makes the protocol of each connection; see `_Connection`."""
+        """Return what makes the protocol of each connection; see `_OpcuaConnection`."""
         own = factory.__self__
-        return lambda: _Connection(own.iserver, own._policies, own.clients, own.closing_tasks, own.limits)
+        return lambda: _OpcuaConnection(own.iserver, own._policies, own.clients, own.closing_tasks, own.limits)
 
     @asynccontextmanager
     async def serving(self) -> AsyncIterator[None]:

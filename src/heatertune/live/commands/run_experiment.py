@@ -97,17 +97,17 @@ def _limit_degC(settings: argparse.Namespace) -> float:
     from heatertune.live.serve import read_folder
     from heatertune.proof.spec_file import highest_temperature
 
-    stated: float | None = settings.limit_temperature
     highest = None
     with suppress(HeatertuneError):  # words alone, without the conditions of a design
         highest = highest_temperature(read_folder(settings.design)[2])
-    if stated is None and highest is None:
+    limit: float | None = highest if settings.limit_temperature is None else settings.limit_temperature
+    if limit is None:
         raise InputError("experiment needs --limit-temperature: the specification of the design names no highest "
                          "temperature")
-    if stated is not None and highest is not None and not stated <= highest:
-        raise InputError(f"--limit-temperature {stated:g}: the specification or interlock of {settings.design} allows "
+    if highest is not None and not limit <= highest:
+        raise InputError(f"--limit-temperature {limit:g}: the specification or interlock of {settings.design} allows "
                          f"at most {highest:g} °C: say {highest:g} or less")
-    return stated if stated is not None else float(highest or 0.0)
+    return limit
 
 
 def _heaters(folder: str) -> tuple[HeaterModel, ...]:
