@@ -36,8 +36,8 @@ EXAMPLES: Final[Mapping[str, str]] = {
               "(a register that the program counts up)",
     "opc.tcp": "opc.tcp://192.168.0.10/ns=3;s=NAME (the variable that holds the block's bytes) or "
                "opc.tcp://127.0.0.1:4840/db30 (of a virtual PLC)",
-    "mqtt": "mqtt://192.168.0.10 or mqtt://USER@192.168.0.10:1883 (a broker, for record alone: --map names the topics)",
     "as511": "as511:///dev/ttyUSB0/db30 or as511://COM3/db30 (serial line, block)",
+    "mqtt": "mqtt://192.168.0.10 or mqtt://USER@192.168.0.10:1883 (a broker, for record alone: --map names the topics)",
 }
 _PORTS: Final = {"s7": 102, "modbus": 502, "opc.tcp": 4840, "mqtt": 1883}
 _TSAP: Final = re.compile(r"([0-9a-fA-F]{1,2})\.([0-9a-fA-F]{1,2})")
