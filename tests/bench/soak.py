@@ -14,7 +14,6 @@ import json
 import logging
 import os
 import random
-import signal
 import socket
 import struct
 import subprocess
@@ -140,7 +139,7 @@ def soak(minutes, seed, place, told=print, path=None):
         for _, each in silent:
             each.close()
         for each in processes.values():
-            each.send_signal(signal.SIGINT)
+            each.terminate()  # a shell that starts this behind it has programs ignore SIGINT
             each.wait()
     told(f"{rounds} rounds in {time.monotonic() - begun:.0f} s, {60 * rounds} malformed packets, {12 * rounds} MB streamed at most")
     return judged(processes, rows, errors, told)
