@@ -237,8 +237,8 @@ class Plant:
         for _ in range(40):
             try:
                 ended = rolled_back(before, before.yes, self.link, 10 ** 9, unproven=True)
-                if patient and "nothing was sent" in ended.message:
-                    continue  # a busy machine: nobody answered in time
+                if patient and ("nothing was sent" in ended.message or ended.outcome.value == "unknown"):
+                    continue  # a busy machine: nobody answered in time, and its message says to ask again
                 return ended
             except HeatertuneError as problem:
                 if "again in" not in str(problem):

@@ -29,6 +29,7 @@ OTHERS = {
     **dict.fromkeys((("doctor", "log"), ("doctor", "log.log_values"), ("doctor", "compiled")), "it may be what is broken"),
     ("compiled.dispatch", "compiled.numba_compiler"): "it loads Numba, which machine code on disk does not need",
     ("live.serve", "live.as511_server"): "only the protocol that is served is loaded",
+    ("live.recorder", "live.mqtt_source"): "it loads the library of an extra, which only a broker needs",
     ("live.controller_block", "proof.words_file"): "a file that says where the signals are needs no proof's code",
     **dict.fromkeys((("pid.search.robust", "pid.continuous_optimum"), ("model.model_values", "model.transfer_functions")),
                     "the import at the top would close a circle"),

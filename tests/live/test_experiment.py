@@ -5,6 +5,7 @@ What stands in the PLC is read from the simulator's memory, not over the protoco
 
 import json
 import random
+import shutil
 import struct
 import sys
 from types import SimpleNamespace
@@ -279,6 +280,29 @@ def test_the_command_asks_first_and_ends_with_what_is_next(served, design_folder
     assert f"next: heatertune fit {tmp_path / 'log.csv'}" in said
     assert main([*arguments[:-1], str(tmp_path / "other.csv"), "--until", "gain=0%"]) == 2
     assert "--until 'gain=0%'" in capsys.readouterr().err
+
+
+def test_no_experiment_goes_beyond_what_the_specification_allows(served, design_folder, tmp_path, capsys):
+    """The interlock of the design opens the circuit at 65 °C; the controller holds 50 °C."""
+    folder = tmp_path / "design"
+    shutil.copytree(design_folder, folder)
+    (tmp_path / "plan.csv").write_text("time_s,power_pct\n0,90\n400,0\n")
+    plc = served(**FAST)
+    arguments = _command(plc, folder, tmp_path / "log.csv", "--yes", "--quiet")[3:]
+    at = arguments.index("--limit-temperature")
+    unsaid = [*arguments[:at], *arguments[at + 2 :]]
+    assert main(unsaid) == 2
+    assert "the specification of the design names no highest temperature" in capsys.readouterr().err
+    document = json.loads((folder / "pid.json").read_text())
+    document["made_for"] = {"target": "s5-ob251", "conditions": {"interlock": "heater-fan", "limit_degC": 65.0}}
+    (folder / "pid.json").write_text(json.dumps(document))
+    assert main(arguments) == 2
+    assert "--limit-temperature 90: the specification or interlock" in (refused := capsys.readouterr().err)
+    assert "say 65 or less" in refused
+    before = cells(plc)
+    assert main(unsaid) == 1
+    assert "the limit is 65 °C" in capsys.readouterr().out
+    assert cells(plc) == before
 
 
 def test_without_a_dead_man_it_wants_to_be_told_so(served, design_folder, tmp_path, capsys):

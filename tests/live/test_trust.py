@@ -254,6 +254,38 @@ def test_a_word_that_somebody_else_writes_meanwhile_is_left_alone(made, tmp_path
         assert word(here, K) == 4321
 
 
+def test_a_word_that_the_device_changes_while_it_goes_back_is_no_rollback(made, tmp_path, capsys):
+    """A gateway passes the old value on late, and the device stores a value of its own in its place."""
+    with device(made, K=5000, TI=60) as here:
+        kept, moving = {}, here.answered
+
+        def storing(first, data):
+            if first != K:
+                return data
+            written, = struct.unpack_from(">h", data)
+            if written != 5000:
+                return clamping(first, data, 4000)
+            kept["reads"] = here.reads
+            return bytes(here.memory[2 * K : 2 * K + len(data)])
+
+        def answering(first, data):
+            if "reads" in kept and here.reads > kept["reads"] + 3:
+                kept.clear()
+                struct.pack_into(">h", here.memory, 2 * K, 4500)
+                data = bytes(here.memory[2 * first : 2 * first + len(data)])
+            return moving(first, data)
+
+        here.stored, here.answered = storing, answering
+        record = tmp_path / "r.jsonl"
+        assert write(made, here, documents(made)["proof"]["digest"][7:15], record) == 1
+        told = " ".join(capsys.readouterr().out.split())
+        assert told.startswith("PARTLY DONE: ")
+        assert "K is 4500, not 5000: the device keeps it in place of what was sent, or somebody else has written it" in told
+        begin = read_lines(record).begin
+        assert rollback(record, "--apply", "--yes", begin["sha256"][:8], "--unproven") == 1  # as the message of the hold says
+        assert word(here, K) == 4500
+
+
 def rollback(record, *more):
     return main(["rollback", str(record), "--quiet", *more])
 

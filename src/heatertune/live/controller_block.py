@@ -8,9 +8,11 @@ Each table has `byte` (or `register`) and `format`; `raw` are two numbers as sto
 
 from __future__ import annotations
 
+import json
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Final, Protocol
@@ -24,7 +26,10 @@ from heatertune.plc.open_points import assumptions_from
 from heatertune.plc.ramp import Number
 from heatertune.plc.words import FLOATS
 
-__all__ = ["ROLES", "SERVED", "Counter", "Places", "ServedBlock", "block_for", "places_given", "places_in", "places_of"]
+__all__ = [
+    "ROLES", "SERVED", "Counter", "Places", "ServedBlock", "Topic", "block_for", "places_given", "places_in",
+    "places_of",
+]
 
 
 class ServedBlock(Protocol):
@@ -155,6 +160,48 @@ class Counter:
         return 1 << 8 * self.signal.size
 
 
+_STATES: Final = {"ON": 1.0, "TRUE": 1.0, "OFF": 0.0, "FALSE": 0.0}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Topic:
+    """Where a broker's messages hold a number.
+
+    Attributes:
+        topic: of MQTT, without a wildcard.
+        path: keys and indices of a JSON payload, dots between them; empty: the payload is the number.
+        raw, shown: two numbers as published, and what they mean.
+        full: what ON means; OFF means 0.
+    """
+
+    topic: str
+    path: str = ""
+    raw: tuple[float, float] = (0.0, 1.0)
+    shown: tuple[float, float] = (0.0, 1.0)
+    full: float = 100.0
+
+    def of(self, payload: bytes) -> float:
+        """Return the quantity in a payload; no number where it holds none, as where a sensor is unavailable."""
+        try:
+            found = self._within(payload.decode())
+            if (state := _STATES.get(str(found).upper())) is not None:
+                return state * self.full
+            number = float(found)
+        except (ValueError, TypeError, LookupError, RecursionError):
+            return math.nan
+        if not math.isfinite(number):
+            return math.nan
+        (low, high), (first, last) = self.raw, self.shown
+        return first + (number - low) * (last - first) / (high - low)
+
+    def _within(self, text: str) -> Any:
+        """Return what stands at the path; raises ValueError, TypeError, LookupError or RecursionError."""
+        found: Any = json.loads(text) if self.path or text[:1] == '"' else text
+        for key in self.path.split(".") if self.path else ():
+            found = found[int(key)] if isinstance(found, list) else found[key]
+        return found
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Places:
     """Where to look.
@@ -164,12 +211,14 @@ class Places:
         signals: role → where and how it stands; temperature always.
         counter: of scans, if there is one.
         told: where this is from, a few words.
+        topics: role → topic of a broker, in the place of cells.
     """
 
     block: int | None
     signals: Mapping[str, BlockSignal]
     counter: Counter | None = None
     summary: str = ""
+    topics: Mapping[str, Topic] = field(default_factory=dict)
 
     @property
     def span(self) -> tuple[int, int]:
@@ -194,6 +243,8 @@ def places_in(path: str | Path) -> Places:
         DocumentError: it cannot be read, or says something else; the message names the entry.
     """
     said = read_toml(path)
+    if isinstance(said.get("temperature"), dict) and "topic" in said["temperature"]:
+        return _topics(path, said)
     for name in said:
         if name not in ("block", "counter", *ROLES):
             raise DocumentError(f"{path}: entry {name!r}: expected block, counter, {', '.join(ROLES)}")
@@ -206,6 +257,37 @@ def places_in(path: str | Path) -> Places:
         raise DocumentError(f"{path}: block = {block!r}: expected a whole number 1…{_MOST_BYTE}")
     counter = _counter(path, said["counter"]) if "counter" in said else None
     return Places(block=block, signals=signals, counter=counter, summary=Path(path).name)
+
+
+def _topics(path: str | Path, said: Mapping[str, object]) -> Places:
+    """Return the topics that a file says; errors as `places_in`."""
+    if other := [role for role in said if role not in ROLES]:
+        raise DocumentError(f"{path}: entry {other[0]!r}: expected {', '.join(ROLES)}")
+    return Places(block=None, signals={}, summary=Path(path).name,
+                  topics={role: _topic(path, role, table) for role, table in said.items()})
+
+
+_TOPIC_TEXTS: Final = {
+    "topic": (re.compile(r"[^+#\0]+"), 'one topic without + and #, as "kiln/temperature"'),
+    "path": (re.compile(r"(?:[^.]+(?:\.[^.]+)*)?"), 'keys with dots between them, as "DS18B20.Temperature"')}
+
+
+def _topic(path: str | Path, role: str, table: object) -> Topic:
+    def wrong(what: str, expected: str) -> DocumentError:
+        return DocumentError(f"{path}: [{role}] {what}; expected {expected}")
+
+    names = ("topic", "path", "raw", "range")
+    if not isinstance(table, dict) or not set(table) <= set(names):
+        raise wrong(f"is {table!r}", f"a table with {', '.join(names)}")
+    texts = {"topic": table.get("topic"), "path": table.get("path", "")}
+    for name, (form, expected) in _TOPIC_TEXTS.items():
+        if not isinstance(texts[name], str) or not form.fullmatch(texts[name]):
+            raise wrong(f"{name} = {texts[name]!r}", expected)
+    found = Topic(**texts)
+    if {"raw", "range"} & set(table):
+        raw, shown = (_pair(table.get(name), name, wrong) for name in ("raw", "range"))
+        found = replace(found, raw=raw, shown=shown)
+    return found
 
 
 def places_given(*, design: str | Path | None = None, map_file: str | Path | None = None) -> Places | None:

@@ -13,6 +13,7 @@ from typing import Any, Final
 
 from pymodbus.constants import ExcCodes
 from pymodbus.server import ModbusTcpServer
+from pymodbus.server.requesthandler import ServerRequestHandler
 from pymodbus.simulator import DataType, SimData, SimDevice
 
 from heatertune.live.block_memory import Access, Refusal, RegisterRange
@@ -30,8 +31,31 @@ _CODES: Final = {Access.MISSING: ExcCodes.ILLEGAL_ADDRESS, Access.OUTSIDE: ExcCo
                  Access.PROTECTED: ExcCodes.DEVICE_FAILURE}
 #: functions on holding registers: read, write one, write many, mask, write and read
 _HOLDING: Final = (3, 6, 16, 22, 23)
+#: bytes, more than the longest request has
+_PIECE: Final = 512
 
 logging.getLogger("pymodbus").addHandler(logging.NullHandler())
+
+
+class _ModbusConnection(ServerRequestHandler):  # type: ignore[misc]
+    """A connection of the library's, which notes all that it is sent as text, however long, for its messages."""
+
+    def data_received(self, data: bytes) -> None:
+        for at in range(0, len(data), _PIECE):
+            super().data_received(data[at : at + _PIECE])
+
+    def pause_writing(self) -> None:
+        """Take no more requests of a client that takes no answers."""
+        self.transport.pause_reading()
+
+    def resume_writing(self) -> None:
+        """Take requests again."""
+        self.transport.resume_reading()
+
+
+class _TcpServer(ModbusTcpServer):  # type: ignore[misc]
+    def callback_new_connection(self) -> _ModbusConnection:
+        return _ModbusConnection(self, self.trace_packet, self.trace_pdu, self.trace_connect)
 
 
 class ModbusServer(AsideServer):
@@ -54,7 +78,7 @@ class ModbusServer(AsideServer):
         runs = sorted(run for each in self._runs.values() for run in each)
         device = SimDevice(id=UNIT, action=self._accessed, simdata=[
             SimData(run.first, count=run.size, values=0, datatype=DataType.REGISTERS) for run in runs])
-        server = ModbusTcpServer(device, address=self._address)
+        server = _TcpServer(device, address=self._address)
         await server.serve_forever(background=True)
         yield
         await server.shutdown()

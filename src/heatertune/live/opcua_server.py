@@ -21,19 +21,23 @@ from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
+from functools import partial
 from typing import Any, Final
 
 from asyncua import Server, ua
+from asyncua.common.connection import TransportLimits
 from asyncua.server.address_space import AttributeService
+from asyncua.server.binary_server_asyncio import OPCUAProtocol
 
 from heatertune.errors import OutOfRange
 from heatertune.live.block_memory import STRUCTS, Access, BlockMemory, BlockSignal, Refusal
 from heatertune.live.controller_block import ServedBlock
 from heatertune.live.plc import VirtualPlc
+from heatertune.live.siemens_tags import INSTANCE, NAMESPACE, TAGGED, TAGS
 from heatertune.live.simulator_status import OWN, OWN_CELLS
 from heatertune.live.thread_server import AsideServer
 
-__all__ = ["NodeVariable", "OpcuaServer", "cells_of", "range_of"]
+__all__ = ["NodeVariable", "OpcuaServer", "cells_of", "range_of", "tags_of"]
 
 
 #: format of `struct` → type of a value
@@ -144,6 +148,21 @@ def cells_of(block: ServedBlock) -> Iterator[NodeVariable]:
             yield _quantity(name, block.number, block.signals[quantity], unit, written=written)
 
 
+def tags_of(block: ServedBlock, target: str) -> Iterator[NodeVariable]:
+    """Yield the members of a PID_Compact's instance by their names, as an S7-1500 shows them."""
+    for tag, place in TAGS.items() if target == TAGGED else ():
+        name = f"{INSTANCE}.{tag}"
+        if place.format == "BOOL":
+            yield NodeVariable(name=name, block=block.number, part=place.part, type=ua.VariantType.Boolean, to=None,
+                               of=partial(_bit, place.bit))
+        else:
+            yield _number(name, block.number, place.byte, STRUCTS[place.format], written=True)
+
+
+def _bit(number: int, content: bytes) -> bool:
+    return bool(content[0] >> number & 1)
+
+
 def _number(name: str, block: int, start: int, code: str, *, written: bool) -> NodeVariable:
     """Return the cell of a number that stands in a block."""
     form = struct.Struct(code)
@@ -177,6 +196,8 @@ _CODES: Final = {Access.MISSING: ua.StatusCodes.BadNodeIdUnknown, Access.OUTSIDE
                  Access.PROTECTED: ua.StatusCodes.BadNotWritable}
 _LOOK_S: Final = 0.05  # so often what is subscribed to is looked at
 _MOST_S: Final = 2e11  # a date ends with the year 9999
+_CHUNKS: Final = 64  # of a message: all nodes are read in a tenth of that
+_CONNECTIONS: Final = 100
 #: unit → its UNECE code, whose letters are its number (OPC 10000-8, section 5.6.4.3)
 _UNITS: Final = {"°C": b"CEL", "%": b"P1"}
 
@@ -231,6 +252,30 @@ def _code(refused: Refusal | ua.UaStatusCodeError) -> int:
     return int(_CODES[refused.why] if isinstance(refused, Refusal) else refused.code)
 
 
+class _OpcuaConnection(OPCUAProtocol):  # type: ignore[misc]
+    """A connection of the library's, which would keep whatever a client sends until it makes a message."""
+
+    def data_received(self, data: bytes) -> None:
+        super().data_received(data)
+        if len(self._buffer) > self.limits.max_recv_buffer and self.transport is not None:
+            self.transport.abort()  # larger than any chunk that was agreed: it never makes one
+
+    def connection_lost(self, ex: BaseException | None) -> None:
+        super().connection_lost(ex)
+        # each task refers to the cancelled frame, and the frame to this: such a cycle would stay for long
+        self._task = self._activation_watchdog_task = None
+
+    def pause_writing(self) -> None:
+        """Take no more requests of a client that takes no answers."""
+        if self.transport is not None:
+            self.transport.pause_reading()
+
+    def resume_writing(self) -> None:
+        """Take requests again."""
+        if self.transport is not None:
+            self.transport.resume_reading()
+
+
 class OpcuaServer(AsideServer):
     """The library's server."""
 
@@ -244,18 +289,30 @@ class OpcuaServer(AsideServer):
         self._plc, self._port = plc, listener.getsockname()[1]
         super().__init__("OPC UA", listener)
 
+    def connections(self, factory: Any) -> Any:
+        """Return what makes the protocol of each connection; see `_OpcuaConnection`."""
+        own = factory.__self__
+        return lambda: _OpcuaConnection(own.iserver, own._policies, own.clients, own.closing_tasks, own.limits)
+
     @asynccontextmanager
     async def serving(self) -> AsyncIterator[None]:
         """Serve; see `heatertune.live.thread_server.AsideServer`."""
         server, service = await self._made()
-        async with server:
-            publishing = asyncio.create_task(_publish(service, server.bserver.closing_tasks))
-            yield
-            publishing.cancel()
+        gc.freeze()  # next to 100,000 objects that stay, those of clients that have gone would be collected too rarely
+        gc.collect()
+        try:
+            async with server:
+                publishing = asyncio.create_task(_publish(service, server.bserver.closing_tasks))
+                yield
+                publishing.cancel()
+        finally:
+            gc.unfreeze()
 
     async def _made(self) -> tuple[Server, _Attributes]:
         """Return a server with all its nodes."""
         server = Server()
+        server.limits = TransportLimits(max_chunk_count=_CHUNKS, max_message_size=_CHUNKS * 65535)
+        server.iserver.max_connections = _CONNECTIONS
         server.iserver.attribute_service = service = _Attributes(server.iserver.aspace, self._plc)
         collects = gc.isenabled()
         gc.disable()  # 100,000 objects that all stay: looking for garbage takes half the time
@@ -292,15 +349,21 @@ def _tell_time(server: Server) -> None:
 
 async def _lay_out(server: Server, service: _Attributes) -> None:
     """Add a node for each cell, and objects where they stand in none."""
-    index = await server.register_namespace("urn:heatertune:blocks")
+    block = service.plc.block
+    for uri, cells in (("urn:heatertune:blocks", cells_of(block)), (NAMESPACE, tags_of(block, service.plc.target))):
+        await _lay_out_in(await server.register_namespace(uri), cells, server, service)
+
+
+async def _lay_out_in(index: int, cells: Iterator[NodeVariable], server: Server, service: _Attributes) -> None:
     nodes: dict[str, Any] = {"": server.nodes.objects}
-    for cell in cells_of(service.plc.block):
+    for cell in cells:
         *above, name = cell.name.split(".")
+        shown = [each.strip('"') for each in above]
         for depth in range(1, len(above) + 1):
             path, parent = ".".join(above[:depth]), nodes[".".join(above[: depth - 1])]
             if path not in nodes:
-                nodes[path] = await parent.add_object(ua.NodeId(path, index), f"{index}:{above[depth - 1]}")
-        where = nodes[".".join(above)], ua.NodeId(cell.name, index), f"{index}:{name}"
+                nodes[path] = await parent.add_object(ua.NodeId(path, index), f"{index}:{shown[depth - 1]}")
+        where = nodes[".".join(above)], ua.NodeId(cell.name, index), f"{index}:" + name.strip('"')
         nodes[cell.name] = node = await _variable(*where, cell, service)
         service.cells[node.nodeid] = cell
         server.iserver.aspace.set_attribute_value_callback(

@@ -468,6 +468,11 @@ class VirtualPlc:
         return self._intervals
 
     @property
+    def target(self) -> str:
+        """Name of the controller."""
+        return "" if self._plan.loop.words is None else self._plan.loop.words.target
+
+    @property
     def elapsed_s(self) -> float:
         """How much of the plant's time is over [s]."""
         return self._intervals * self._scan_s

@@ -169,6 +169,8 @@ class Poller(ClosesOnExit):
                 reach, so that no look would be sure to be of one scan; the protocol's library is not installed.
             LinkError: nobody is there.
         """
+        if places is not None and places.topics:
+            raise InputError(f"{places.summary}: names topics, and {address.text} is no broker: mqtt://HOST")
         self._address, self._timeout_s = address, timeout_s
         self.torn = 0
         self._life, self.tells_new = SignOfLife(), False

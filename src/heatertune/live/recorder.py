@@ -19,16 +19,19 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Final, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, Self
 
 from heatertune.errors import HeatertuneError, InputError, LinkError
-from heatertune.live.client.connection import Address, address_of
+from heatertune.live.client.connection import Address, address_of, demand_library
 from heatertune.live.controller_block import ROLES, Places, places_given
 from heatertune.live.poller import Poller, Snapshot
 from heatertune.log.cells import MARK, SWITCHED, TORN, without_torn
 from heatertune.loops.loop_values import LoopEntry, read_list
 from heatertune.units import check
 from heatertune.writing import read_bytes, settle
+
+if TYPE_CHECKING:
+    from heatertune.live.mqtt_source import MqttSource
 
 __all__ = ["RecordedLoop", "RecordingSetup", "RecordingState", "is_address", "record", "record_addresses", "record_all"]
 
@@ -267,7 +270,7 @@ def record(
         OutOfRange: a time that is none.
     """
     given = settings or RecordingSetup()
-    with Poller(address, places, given.timeout_s) as looking:
+    with _looking(address, places, given.timeout_s) as looking:
         signals = looking.roles
         columns = ["time_s", *(_UNITS[role] for role in ROLES if role in signals)]
         clock = ("this machine's clock" if looking.interval_s is None
@@ -279,10 +282,20 @@ def record(
             return _Rows(looking, file, given).run(shown, ended, reopen)
 
 
+def _looking(address: Address, places: Places | None, timeout_s: float) -> Poller | MqttSource:
+    """Return what looks, connected; errors as its kind."""
+    if address.protocol != "mqtt":
+        return Poller(address, places, timeout_s)
+    demand_library("mqtt")
+    from heatertune.live.mqtt_source import MqttSource
+
+    return MqttSource(address, places, timeout_s)
+
+
 class _Rows:
     """Looks → rows, and what is between them."""
 
-    def __init__(self, looking: Poller, file: _File, settings: RecordingSetup) -> None:
+    def __init__(self, looking: Poller | MqttSource, file: _File, settings: RecordingSetup) -> None:
         self._looking, self._file, self._settings = looking, file, settings
         self._every_s = settings.every_s or (0.0 if looking.interval_s is not None else 1.0)
         self.so_far = RecordingState(interval_s=looking.interval_s, notes=file.notes)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import socket
+from collections.abc import Callable
 from contextlib import AbstractAsyncContextManager
 from threading import Event, Thread
 from typing import Any, Final
@@ -17,12 +18,12 @@ _ROUNDS: Final = 10
 class _SocketLoop(asyncio.SelectorEventLoop):
     """A loop whose server takes a socket that listens over, where the library would open one of its own."""
 
-    def __init__(self, listener: socket.socket) -> None:
-        self._listener = listener
+    def __init__(self, listener: socket.socket, connections: Callable[[Any], Any]) -> None:
+        self._listener, self._connections = listener, connections
         super().__init__()
 
     async def create_server(self, factory: Any, *_: Any, **__: Any) -> Any:  # type: ignore[override]
-        return await super().create_server(factory, sock=self._listener)
+        return await super().create_server(self._connections(factory), sock=self._listener)
 
 
 class AsideServer:
@@ -36,7 +37,7 @@ class AsideServer:
             listener: on loopback; its port is taken over.
         """
         self._ready = Event()
-        self._listener, self._loop = listener, _SocketLoop(listener)
+        self._listener, self._loop = listener, _SocketLoop(listener, self.connections)
         self._thread = Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
         self._ready.wait()
@@ -44,6 +45,10 @@ class AsideServer:
     def serving(self) -> AbstractAsyncContextManager[None]:
         """Return what serves while it is open."""
         raise NotImplementedError
+
+    def connections(self, factory: Any) -> Any:
+        """Return what makes the protocol of each connection, in place of the library's factory."""
+        return factory
 
     def stop(self) -> None:
         """Close all connections, and the door."""

@@ -27,7 +27,7 @@ from heatertune.proof.specification import (
 from heatertune.proof.test_sequence import TestSequence
 from heatertune.settings import Conditions
 
-__all__ = ["in_force", "read_spec", "spec_text", "specification_of"]
+__all__ = ["highest_temperature", "in_force", "read_spec", "spec_text", "specification_of"]
 
 _T = TypeVar("_T")
 
@@ -45,6 +45,16 @@ def specification_of(conditions: Conditions) -> Specification:
     flags = [f"{name}={NOTHING if math.isinf(value) else f'{float(value)!r} {units[name]}'}"
              for name, value in own.items() if value is not None]
     return in_force(conditions.spec, [*flags, *conditions.limit], conditions.profile)
+
+
+def highest_temperature(conditions: Conditions) -> float | None:
+    """Return the highest temperature that specification and interlock allow [°C]; None: neither names one.
+
+    Raises:
+        InputError, UnknownName: as `in_force`.
+    """
+    named = (specification_of(conditions).limits_for(1.0).peak_degC, conditions.limit_degC)
+    return min((limit for limit in named if limit is not None), default=None)
 
 
 def in_force(spec: str | None = None, limits: Sequence[str] = (), profile: str | None = None) -> Specification:

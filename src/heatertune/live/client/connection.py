@@ -37,8 +37,9 @@ EXAMPLES: Final[Mapping[str, str]] = {
     "opc.tcp": "opc.tcp://192.168.0.10/ns=3;s=NAME (the variable that holds the block's bytes) or "
                "opc.tcp://127.0.0.1:4840/db30 (of a virtual PLC)",
     "as511": "as511:///dev/ttyUSB0/db30 or as511://COM3/db30 (serial line, block)",
+    "mqtt": "mqtt://192.168.0.10 or mqtt://USER@192.168.0.10:1883 (a broker, for record alone: --map names the topics)",
 }
-_PORTS: Final = {"s7": 102, "modbus": 502, "opc.tcp": 4840}
+_PORTS: Final = {"s7": 102, "modbus": 502, "opc.tcp": 4840, "mqtt": 1883}
 _TSAP: Final = re.compile(r"([0-9a-fA-F]{1,2})\.([0-9a-fA-F]{1,2})")
 _BLOCK: Final = re.compile(r"db([1-9]\d{0,4})", re.IGNORECASE)
 _NODE: Final = re.compile(r"/(ns=\d{1,5};(?:s=.+|i=\d{1,10})|db[1-9]\d{0,4})$", re.IGNORECASE)
@@ -58,6 +59,7 @@ class Address:
         block: S7, AS511: number of the data block, None where none is said; Modbus: first register of the block.
         path, node: OPC UA: of the endpoint, and the variable that holds the block.
         heartbeat: Modbus: register that moves as long as the program runs; None: none is said.
+        user: MQTT: as whom to ask the broker; empty: as nobody.
     """
 
     text: str
@@ -70,6 +72,7 @@ class Address:
     path: str = ""
     node: str = ""
     heartbeat: int | None = None
+    user: str = ""
 
 
 def address_of(text: str) -> Address:
@@ -127,6 +130,19 @@ def _opcua(text: str) -> Address:
     return Address(**where | {"protocol": "opcua"}, block=block, path=path, node=node)
 
 
+def _mqtt(text: str) -> Address:
+    user, mark, rest = text.partition("://")[2].rpartition("@")
+    if ":" in user:
+        raise _wrong(text.replace(user, "USER"), "mqtt", "a password in the address; say it in "
+                     "HEATERTUNE_MQTT_PASSWORD")
+    if mark and not user:
+        raise _wrong(text, "mqtt", "no user before @")
+    where, path = _network(text, "mqtt", f"mqtt://{rest}")
+    if path.strip("/"):
+        raise _wrong(text, "mqtt", f"{path!r} behind the host")
+    return Address(**where, user=user)
+
+
 def _as511(text: str) -> Address:
     device, mark, block = text.partition("://")[2].rpartition("/")
     if not mark or not device or not _BLOCK.fullmatch(block):
@@ -135,7 +151,7 @@ def _as511(text: str) -> Address:
 
 
 _READ: Final[Mapping[str, Callable[[str], Address]]] = {
-    "s7": _s7, "modbus": _modbus, "opc.tcp": _opcua, "as511": _as511,
+    "s7": _s7, "modbus": _modbus, "opc.tcp": _opcua, "as511": _as511, "mqtt": _mqtt,
 }
 
 
@@ -274,6 +290,8 @@ LIBRARIES: Final[Mapping[str, tuple[str, str]]] = {
     "s7": ("snap7", "s7"), "modbus": ("pymodbus", "modbus"), "opcua": ("asyncua", "opcua"),
     "as511": ("serial", "serial"),
 }
+#: of what is only recorded, the same
+_SOURCES: Final[Mapping[str, tuple[str, str]]] = {"mqtt": ("paho", "mqtt")}
 _TIMEOUT_S: Final = 2.0
 
 
@@ -338,6 +356,8 @@ def connect(address: Address, timeout_s: float = _TIMEOUT_S) -> Client:
         InputError: the protocol's library is not installed.
         LinkDown: nobody is there, or it does not speak the protocol.
     """
+    if address.protocol in _SOURCES:
+        raise InputError(f"{address.text}: a broker has no block to read or write; it is for heatertune record alone")
     demand_library(address.protocol)
     module = import_module(f"heatertune.live.client.{address.protocol}")
     client: Client = module.open_client(address, timeout_s)
@@ -350,7 +370,7 @@ def demand_library(protocol: str) -> None:
     Raises:
         InputError: it is not; the message names the extra.
     """
-    module, extra = LIBRARIES[protocol]
+    module, extra = {**LIBRARIES, **_SOURCES}[protocol]
     if find_spec(module) is None:
         raise InputError(f'{protocol} needs {module}: pip install "heatertune[{extra}]"')
 

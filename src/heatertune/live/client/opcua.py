@@ -19,9 +19,10 @@ from asyncua import Client, ua
 
 from heatertune.errors import LinkDown, ReplyLost
 from heatertune.live.client.connection import Address, RequestConnection, SignOfLife, close_by_reset
+from heatertune.live.siemens_tags import TAGS, instance_of
 from heatertune.live.simulator_status import OWN
 
-__all__ = ["OpcuaClient", "open_client"]
+__all__ = ["OpcuaClient", "TagClient", "open_client"]
 
 #: bytes of a block; the protocol sets no limit to a variable
 _MOST: Final = 65535
@@ -31,6 +32,8 @@ _REFUSED: Final = frozenset(getattr(ua.StatusCodes, name) for name in (
     "BadNodeIdInvalid", "BadNodeIdUnknown", "BadAttributeIdInvalid", "BadIndexRangeInvalid", "BadIndexRangeNoData",
     "BadIndexRangeDataMismatch", "BadTypeMismatch", "BadOutOfRange", "BadNotWritable", "BadWriteNotSupported",
     "BadUserAccessDenied"))
+#: format of a tag → types in which a server may show it
+_TAG_TYPES: Final = {"REAL": ua.VariantType.Float, "INT": ua.VariantType.Int16, "BOOL": ua.VariantType.Boolean}
 #: after this share of its life a secure channel is renewed (OPC 10000-4, section 5.5.2)
 _RENEWED: Final = 0.75
 
@@ -86,13 +89,17 @@ class OpcuaClient(RequestConnection):
             value = ua.Variant(content if kind == ua.VariantType.ByteString else list(content), kind)
             wanted = ua.WriteValue(ua.NodeId.from_string(self._node(number)), ua.AttributeIds.Value, span,
                                    ua.DataValue(value))
-            status, = await self._library.uaclient.session.write(ua.WriteParameters([wanted]))
-            if status.value in _REFUSED:
-                raise self._refused(what, f"{status.name}, {status.doc}")
-            if status.value != _GOOD:
-                raise ConnectionError(f"{status.name}, {status.doc}")
+            await self._send(wanted, what)
 
         self._run(ask, what)
+
+    async def _send(self, wanted: ua.WriteValue, what: str) -> None:
+        """Write one value."""
+        status, = await self._library.uaclient.session.write(ua.WriteParameters([wanted]))
+        if status.value in _REFUSED:
+            raise self._refused(what, f"{status.name}, {status.doc}")
+        if status.value != _GOOD:
+            raise ConnectionError(f"{status.name}, {status.doc}")
 
     def _node(self, number: int) -> str:
         """Return the node of a block; the simulator's own stands beside the controller's."""
@@ -144,6 +151,73 @@ class OpcuaClient(RequestConnection):
         _end(self._library, self._loop)
 
 
+class TagClient(OpcuaClient):
+    """A client of an instance whose members are nodes of their own; see `heatertune.live.siemens_tags`.
+
+    It reads and writes them as the bytes of the block that other protocols find. A read is one request, which a server
+    may answer from two scans; a write of one tag is whole.
+    """
+
+    whole = False
+
+    def read(self, number: int, start: int, count: int) -> bytes:
+        """Return bytes of the block that the tags make."""
+        if number == OWN:
+            return super().read(number, start, count)
+        tags = [tag for tag, place in TAGS.items() if place.part.start < start + count and place.part.stop > start]
+
+        async def ask() -> bytes:
+            wanted = [ua.ReadValueId(self._tag(tag), ua.AttributeIds.Value) for tag in tags]
+            values = await self._library.uaclient.session.read(ua.ReadParameters(
+                TimestampsToReturn=ua.TimestampsToReturn.Source, NodesToRead=wanted))
+            cells = bytearray(max(place.part.stop for place in TAGS.values()) + 1)
+            for tag, value in zip(tags, values, strict=True):
+                TAGS[tag].write(cells, self._number(value, tag))
+            stamps = [value.SourceTimestamp for value in values if value.SourceTimestamp is not None]
+            self._stamp = max(stamps, default=None)
+            return bytes(cells[start : start + count])
+
+        return self._run(ask, f"reading {len(tags)} tags of {instance_of(self._address.node)}")
+
+    def _number(self, value: ua.DataValue, tag: str) -> Any:
+        what, kind = f"reading {instance_of(self._address.node)}.{tag}", _TAG_TYPES[TAGS[tag].format]
+        if value.StatusCode.value != _GOOD:
+            raise self._refused(what, f"{value.StatusCode.name}, {value.StatusCode.doc}")
+        if value.Value is None or value.Value.VariantType != kind or value.Value.is_array:
+            found = "nothing" if value.Value is None else value.Value.VariantType.name
+            raise self._refused(what, f"it is {found}, not {kind.name}")
+        return value.Value.Value
+
+    def write(self, number: int, start: int, content: bytes) -> None:
+        """Write one tag, the bytes of which these are.
+
+        Raises:
+            LinkDown: it was not sent.
+        """
+        tag = next((tag for tag, place in TAGS.items() if number != OWN and place.format != "BOOL"
+                    and place.part == slice(start, start + len(content))), None)
+        if tag is None:
+            raise self._refused(f"writing bytes {start} to {start + len(content)} of block {number}",
+                                "these are not one tag")
+        place = TAGS[tag]
+        value = place.read(bytes(start) + content)
+
+        async def ask() -> None:
+            wanted = ua.WriteValue(self._tag(tag), ua.AttributeIds.Value, None,
+                                   ua.DataValue(ua.Variant(value, _TAG_TYPES[place.format])))
+            await self._send(wanted, what)
+
+        what = f"writing {instance_of(self._address.node)}.{tag}"
+        self._run(ask, what)
+
+    def _tag(self, tag: str) -> ua.NodeId:
+        return ua.NodeId.from_string(f"{instance_of(self._address.node)}.{tag}")
+
+    def _node(self, number: int) -> str:
+        """Return the node of the simulator's own block, which stands in the namespace of its blocks."""
+        return f"ns=2;s=DB{number}"
+
+
 def open_client(address: Address, timeout_s: float) -> OpcuaClient:
     """Return a client that is connected, without encryption and as nobody.
 
@@ -160,7 +234,7 @@ def open_client(address: Address, timeout_s: float) -> OpcuaClient:
         _end(library, loop)
         why = str(problem) or type(problem).__name__
         raise LinkDown(f"{address.text}: no OPC UA connection to {url}: {why}") from None
-    return OpcuaClient(address, library, loop)
+    return (TagClient if instance_of(address.node) else OpcuaClient)(address, library, loop)
 
 
 async def _opened(library: Any) -> None:

@@ -41,13 +41,14 @@ def add_record(commands: Any) -> None:
                     "row is on disk before the next one; an incomplete last row is recognised. Stop with Ctrl-C.",
     )
     command.add_argument("address", metavar="ADDRESS", help="s7://HOST:PORT/RACK/SLOT/dbN, s7://HOST/10.00/10.01/db1 "
-                         "(TSAPs of an S7-200), modbus://HOST:PORT/UNIT/REGISTER, opc.tcp://HOST:PORT/NODE or "
-                         "as511://DEVICE/dbN")
+                         "(TSAPs of an S7-200), modbus://HOST:PORT/UNIT/REGISTER, opc.tcp://HOST:PORT/NODE, "
+                         "as511://DEVICE/dbN or mqtt://USER@HOST:PORT")
     command.add_argument("-o", "--out", required=True, metavar="FILE", help="the log to write")
     where = command.add_mutually_exclusive_group()
     where.add_argument("--design", metavar="DIR",
                        help="folder that heatertune design wrote, of the controller at this address")
-    where.add_argument("--map", metavar="FILE", help="small TOML file with the addresses of temperature and power")
+    where.add_argument("--map", metavar="FILE", help="small TOML file with the addresses of temperature and "
+                       "power, or their MQTT topics")
     command.add_argument("--interval", type=float, metavar="S",
                          help="shortest interval between two rows (default: each scan if the PLC counts them, else 1 "
                               "s)")

@@ -45,7 +45,8 @@ def add_experiment(commands: Any) -> None:
     command.add_argument("--design", metavar="DIR", help="folder of the controller at this address")
     command.add_argument("-o", "--out", metavar="FILE", help="the log to write")
     limits = command.add_argument_group("limits that stop it at once")
-    limits.add_argument("--limit-temperature", type=float, metavar="°C", help="a temperature as high as this")
+    limits.add_argument("--limit-temperature", type=float, metavar="°C",
+                        help="a temperature as high as this (default: what the specification allows)")
     limits.add_argument("--limit-rate", type=float, metavar="°C/MIN", help="a faster change, up or down")
     command.add_argument("--until", action="append", default=[], metavar="NAME=SHARE%",
                          help="stop as soon as a parameter is known this well: gain=5%%, time-constant=10%%, "
@@ -68,8 +69,9 @@ def _run_experiment(settings: argparse.Namespace) -> int:
     if settings.design is None:
         raise InputError("experiment needs --design DIR: the folder whose controller runs there")
     words, _ = words_in(settings.design)
-    if None in (settings.plan, settings.address, settings.out, settings.limit_temperature):
+    if None in (settings.plan, settings.address, settings.out):
         raise InputError("experiment needs PLAN, ADDRESS, -o FILE and --limit-temperature")
+    settings.limit_temperature = _limit_degC(settings)
     from heatertune.live.experiment import Experiment, ExperimentObserver
     from heatertune.live.schedule import AbortLimits, read_plan
 
@@ -88,6 +90,24 @@ def _run_experiment(settings: argparse.Namespace) -> int:
     document = _document(settings, ended)
     printing.output(settings, document, lambda: _lines(document))
     return 0 if ended.reason in ("plan", "known") and ended.restored else 1
+
+
+def _limit_degC(settings: argparse.Namespace) -> float:
+    """Return the temperature that ends it: the stated one, which the folder's specification may not forbid."""
+    from heatertune.live.serve import read_folder
+    from heatertune.proof.spec_file import highest_temperature
+
+    highest = None
+    with suppress(HeatertuneError):  # words alone, without the conditions of a design
+        highest = highest_temperature(read_folder(settings.design)[2])
+    limit: float | None = highest if settings.limit_temperature is None else settings.limit_temperature
+    if limit is None:
+        raise InputError("experiment needs --limit-temperature: the specification of the design names no highest "
+                         "temperature")
+    if highest is not None and not limit <= highest:
+        raise InputError(f"--limit-temperature {limit:g}: the specification or interlock of {settings.design} allows "
+                         f"at most {highest:g} °C: say {highest:g} or less")
+    return limit
 
 
 def _heaters(folder: str) -> tuple[HeaterModel, ...]:

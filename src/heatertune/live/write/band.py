@@ -30,6 +30,7 @@ from heatertune.plc import controller_for
 from heatertune.plc.ramp import Number
 from heatertune.proof.heaters import MAINS_POWERS, labelled_heaters
 from heatertune.proof.scenario import delay_heater
+from heatertune.proof.spec_file import highest_temperature
 from heatertune.units import count
 
 __all__ = ["Band", "Reach", "WatchResult", "band_degC", "carried_s", "unseen_s", "watch_response", "watched_s"]
@@ -261,6 +262,7 @@ class _Watch:
         self._shows = False
         self._count = self._outside = self._unusable = self._unusable_row = 0
         self._sensor_degC = proven.words.scaling.sensor_degC
+        self._highest_degC = highest_temperature(proven.conditions)
         self._still = StillSensor([model for _, model in labelled_heaters(proven.fitted_model)], band_degC(proven))
         self._content, self._changed_s = b"", 0.0
         self._reach, self._believed = Reach(proven), (math.nan, math.nan)
@@ -302,8 +304,8 @@ class _Watch:
             self._unusable += 1
             self._record.write_line("unusable", s=round(self.seconds, 3), told=problem, **look.to_document())
             return problem if self._unusable_row >= _IN_A_ROW else ""
-        if frozen := self._frozen(look, seen):
-            return frozen
+        if stop := self._too_hot(seen) or self._frozen(look, seen):
+            return stop
         if self._jumped_before:
             return self._jumped_before
         if not self._shows and (jump := self._jump(look, seen)):
@@ -358,6 +360,12 @@ class _Watch:
             return ""
         return (f"the reading has jumped from {from_degC:.4g} to {degC:.4g} °C within {passed_s:.3g} s, in which the "
                 f"heater gets to {low:.4g} to {high:.4g} °C at most")
+
+    def _too_hot(self, degC: float) -> str:
+        """Return that a reading is at the highest temperature of the specification; empty where it is below."""
+        highest = self._highest_degC
+        return "" if highest is None or degC < highest else (
+            f"{degC:.4g} °C: the specification or interlock allows less than {highest:g} °C")
 
     def _frozen(self, look: BlockSnapshot, degC: float) -> str:
         """Return why the sensor is frozen; empty where it need not be, or where the block does not show the power."""

@@ -14,6 +14,7 @@ from heatertune.live.block_memory import BlockSignal, bytes_of, field_of
 from heatertune.live.client.connection import Address, Client, ClosesOnExit, SignOfLife, connect, told_by
 from heatertune.live.controller_block import SERVED, ServedBlock, block_for
 from heatertune.live.hold import HOST, Clock
+from heatertune.live.siemens_tags import TAGGED, instance_of
 from heatertune.live.simulator_status import RUNS, SimulatorStatus
 from heatertune.plc import Controller, Words, controller_for
 from heatertune.plc.ramp import Number
@@ -189,12 +190,15 @@ def block_image(words: Words, address: Address, switches: Mapping[str, str]) -> 
         block = block_for(controller, words, switches)
         if address.protocol not in block.speaks:
             why = f"it is reached over {' and '.join(block.speaks)}, not over {address.protocol}"
+        if instance_of(address.node) and words.target != TAGGED:
+            why = f"only the tags of a PID_Compact ({TAGGED}) are known"
     if why:
         typed = ", ".join(f"{field.name} = {words.values[field.name]:.9g}" for field in controller.fields)
         raise InputError(f"{words.target} at {address.text}: {why}; enter its parameters manually: {typed}")
     number = block.number if address.protocol != "s7" or address.block is None else address.block
+    together = address.protocol != _WORD_BY_WORD and not instance_of(address.node)
     return BlockImage(controller=controller, block=block, number=number, spans=_spans(block),
-                    whole=2 if address.protocol == "modbus" else 1, together=address.protocol != _WORD_BY_WORD)
+                      whole=2 if address.protocol == "modbus" else 1, together=together)
 
 
 def _spans(block: ServedBlock) -> tuple[tuple[int, int], ...]:

@@ -5,7 +5,7 @@ Nothing is written twice because an answer was lost: the PLC is asked what stand
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
@@ -81,6 +81,7 @@ class _Change:
         stored: word → what the device keeps in the place of what was written.
         pending: words whose part was accepted, and that stood there as before when they were last looked at.
         tried: parts that were put back.
+        unsettled: words that were put back, and not seen standing as before since then.
     """
 
     parts: Sequence[WritePart]
@@ -89,6 +90,7 @@ class _Change:
     stored: dict[str, Number] = field(default_factory=dict)
     pending: set[str] = field(default_factory=set)
     tried: set[tuple[str, ...]] = field(default_factory=set)
+    unsettled: set[str] = field(default_factory=set)
 
     def is_written(self, name: str, value: Number) -> bool:
         """Return whether a word stands there as this change left it."""
@@ -97,9 +99,19 @@ class _Change:
     def left_of(self, names: Iterable[str], values: Values) -> list[str]:
         """Return which words stand there as written though they were put back, and take note of neither side's."""
         left = [name for name in names if self.is_written(name, values[name])]
+        self.settle(values)
         self.stored.update({name: values[name] for name in names
                             if name not in left and values[name] != self.before[name]})
         return left
+
+    def settle(self, values: Values) -> dict[str, Number]:
+        """Return words that were put back and stand at a value of neither side: the device's own in its place, or not.
+
+        A word that stands as before is settled: what comes after is another's.
+        """
+        self.unsettled.difference_update([name for name in self.unsettled if values[name] == self.before[name]])
+        return {name: values[name] for name in self.names
+                if name in self.unsettled and not self.is_written(name, values[name])}
 
     @property
     def names(self) -> list[str]:
@@ -148,7 +160,7 @@ class Writer:
             for part in parts:
                 self._demand_left(part)
             for part in parts:
-                self._expected(expected)
+                self._expected(expected, change.pending)
                 sent = True
                 self._put(part, change)
                 self._demand_stored(part.names, change)
@@ -262,7 +274,7 @@ class Writer:
     def _has_arrived(self, change: _Change, ended: WriteEnd) -> bool:
         """Return whether a word that was written stands there, or does no longer, since an end was found."""
         found, stands = self.peer.look().values, ended.stands or {}
-        if all(found[name] == stands.get(name) or not (change.is_written(name, found[name])
+        if all(found[name] == stands.get(name) or not (name in change.unsettled or change.is_written(name, found[name])
                or change.is_written(name, stands[name])) for name in change.names):
             return False
         self._noted("arrived late", stands=dict(found))
@@ -272,16 +284,18 @@ class Writer:
         if spent := self._budget.spent(part.names):
             raise _Stopped(spent)
 
-    def _expected(self, expected: Values) -> None:
+    def _expected(self, expected: Values, pending: Collection[str]) -> None:
         look, self._looked_s = self.peer.look(), self._clock.now_s()
         if unlike := self._unlike(look.values, expected):
-            raise _Stopped(f"somebody has changed the words meanwhile: {unlike}")
+            late = {name: value for name, value in expected.items() if name not in pending}
+            raise _Stopped(f"somebody has changed the words meanwhile: {unlike}" if self._unlike(look.values, late) else
+                           f"accepted, and not there yet: {unlike}")
         self.looks.append(look)
         self.record.write_line("compared", **look.to_document())
 
     def _unlike(self, values: Values, expected: Values) -> str:
         return ", ".join(f"{name} is {values[name]:g}, not {expected[name]:g}" for name in self._standing.own
-                         if values[name] != expected[name])
+                         if values[name] != expected.get(name, values[name]))
 
     def _put(self, part: WritePart, change: _Change, *, back: bool = False) -> None:
         """Write a part over what was looked at; raise `_Stopped` where it does not stand there afterwards.
@@ -370,6 +384,10 @@ class Writer:
             return WriteEnd(WriteOutcome.PARTLY,
                             f"{why}; {', '.join(left)} stand there as written and could not be taken "
                          f"back: {'; '.join(problems) or 'somebody has written them again'}", look.values)
+        if changed := change.settle(look.values):
+            told = ", ".join(f"{name} is {value:g}, not {change.before[name]:g}" for name, value in changed.items())
+            return WriteEnd(WriteOutcome.PARTLY, f"{why}; put back, but {told}: the device keeps it in place of what "
+                            "was sent, or somebody else has written it", look.values)
         others = self._unlike(look.values, change.before)
         seen = f"; besides, somebody has changed the words: {others}" if others else ""
         if not change.pending:
@@ -391,6 +409,7 @@ class Writer:
         for back in self._standing.parts(look.content, mine):
             change.tried.add(part.names)
             change.pending.difference_update(part.names)
+            change.unsettled.update(back.names)
             try:
                 self._put(back, change, back=True)
             except _STOPS as stopped:
