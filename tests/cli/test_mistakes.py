@@ -101,7 +101,7 @@ MISTAKES = [
     ('design table4 --target weg --ambient 22C', 'write 22, without a unit'),
     ('design table4 --target weg --temperature-unit F', 'expected degC, degF, K'),
     ('design table4 --target weg --temperature-unit dgeF', 'did you mean degF?'),
-    ('design table4 --target weg --time-unit sec', 'expected s, ms, min, h, d'),
+    ('design table4 --target weg --time-unit sec', 'expected s, ms, us, ns, min, h, d'),
     ('design table4 --target weg --power-full-scale 100%', 'write 100, without a unit'),
     ('design oven.csv --target weg --temperature-column temp', "no temperature column 'temp'"),
     ('design oven.csv --target weg --power-column powr', "no power column 'powr'"),
