@@ -108,8 +108,7 @@ KINDS: Final[dict[str, FindingKind]] = {
                   "again and again",
         "leave out the boost (--boost none), or keep it in manual while the circuit is open"),
     "loaded-window": FindingKind(
-        "blocks", "an open circuit or a restart while a load is held leaves it swinging outside "
-                  "PID_FUNCTIONAL_RANGE",
+        "told", "an open circuit or a restart while a load is held leaves it swinging outside PID_FUNCTIONAL_RANGE",
         "build the firmware with a wider PID_FUNCTIONAL_RANGE (heatertune design tries some), or take the load away "
         "before the circuit is closed again"),
     "outage-below": FindingKind(

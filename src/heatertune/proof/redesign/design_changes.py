@@ -257,7 +257,6 @@ def design_changes(
     slow = [] if given or "switchings" not in broken else switch.slower()
     swings = bool(broken & {"limit_cycle", "pwm_ripple"}) and switch.share(proof.actuator.pwm_period_s) > 1.0
     limited = list(switch.limited()) if broken & OF_WINDUP else []
-    yield from wider_windows(proof)
     controller, beyond = controller_for(words.target), bool(broken & (OVERSHOOTS | REHEATS))
     boosted = [DesignChange(has_boost=True)] if boost_open and controller.has_boost and beyond else []
     ramped = [DesignChange(has_ramp=True)] if ramp_open and controller.has_ramp and beyond else []
@@ -274,6 +273,7 @@ def design_changes(
     windup = broken <= OF_WINDUP and bool(limited)
     gains = [] if windup else [DesignChange()]
     yield from (*quick, *gains, *slow) if swings else (*gains, *quick, *slow)
+    yield from wider_windows(proof)
     if broken - OF_WINDUP:
         yield from boosted
     yield from limited
