@@ -117,7 +117,9 @@ def test_the_heater_that_is_the_hardest_in_a_part_of_the_range_is_found_where_it
         # full power in time where a width applies a cycle late; the judge sees it, and none over a smaller range
         assert "low-outage" in [finding.name for finding in design.proof.diagnostics.findings]
         assert most(low_overshoots) > 1.0
-        assert design.passes_with == ("--setpoint", "34.92 37.5")
+        assert design.passes_with == ("--sample-time", "auto")
+        free = replace(wanted, tune_settings=replace(wanted.tune_settings, sample_time_s=None))
+        assert find_passing_design(fitted, free).proof.verdict == "PASS"
         lowest, highest = 34.92, 37.5
     else:
         # a few degrees above the room an open circuit overshoots by more than at 20.2 °C, which the room nearly has; the judge sees it

@@ -136,7 +136,7 @@ BAD = {
     "watts": (_table("time_s,temp_C,heater [W]"), {}, ["share of full power", "--power-full-scale"]),
     "a fraction or percent": (_table("time_s,temp_C,power", [(t, y, p / 100) for t, y, p in ROWS]), {},
                               ["fraction or percent", "--power-full-scale"]),
-    "centuries": (_table("time [cy],temp_C,duty_pct"), {}, ["unknown unit", "--time-unit"]),
+    "clock ticks": (_table("time [ticks],temp_C,duty_pct"), {}, ["unknown unit", "--time-unit"]),
     "day or month": ("date,temp_C\n" + "\n".join(f"03/{k + 1:02d}/2026 10:00:00,{k}" for k in range(11)), {},
                      ["day first or month first"]),
     "one zone": ("timestamp,temp_C\n" + "\n".join(f"2026-03-01T10:{k:02d}:00{'Z' if k else ''},{k}" for k in range(25)), {},

@@ -165,8 +165,9 @@ class Suggestion:
         found, *_ = wound_up
         different = {repr(each.proof.words): each for each in wound_up}.values()
         told, options = "", tuple[str, ...]()
-        with SearchBudget() as budget:
+        with SearchBudget():  # of its own: what is left of a search for another design is too little for the rest
             options = self._by_design(wound_up=True)
+        with SearchBudget() as budget:
             if not options:
                 told, options = self.by_settings(found)
             for way in (self._by_range, self._by_upper_end, self._by_overshoot):
