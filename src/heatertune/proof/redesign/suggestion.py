@@ -35,7 +35,7 @@ from heatertune.proof.nearest_specification import (
 )
 from heatertune.proof.proof import Proof
 from heatertune.proof.redesign.design_changes import COARSE, DesignChange, broken, calmest_pwm
-from heatertune.proof.runs import SearchBudget
+from heatertune.proof.runs import MOST_SCANS, SearchBudget
 from heatertune.proof.scenario import NewSetpoint
 from heatertune.proof.verdict import BREAKS_NONE, NOTHING_PASSES
 from heatertune.proof.worst_runs import RunScreen
@@ -165,7 +165,7 @@ class Suggestion:
         found, *_ = wound_up
         different = {repr(each.proof.words): each for each in wound_up}.values()
         told, options = "", tuple[str, ...]()
-        with SearchBudget():  # of its own: what is left of a search for another design is too little for the rest
+        with SearchBudget(scans=0.5 * MOST_SCANS):  # of its own: what it leaves may be too little for the rest
             options = self._by_design(wound_up=True)
         with SearchBudget() as budget:
             if not options:
