@@ -642,10 +642,8 @@ class SheetCard:
     async def open(self, name: str, content: bytes) -> None:
         """Show how a file is understood, together with one that waits where one holds the other's power."""
         async with self._in_turn:  # of two files that are dropped together, the second finds the first
-            dropped = await asyncio.to_thread(DroppedFile.of, name, content)
-            if (before := self._dropped) is not None:
-                dropped = await asyncio.to_thread(before.with_file, dropped)
-            self._show(dropped)
+            dropped, before = await asyncio.to_thread(DroppedFile.of, name, content), self._dropped
+            self._show(dropped if before is None else await asyncio.to_thread(before.with_file, dropped))
         self._title.client.run_javascript("document.getElementById('sheet-title').focus()")
 
     def show(self, *, proven: bool) -> None:
@@ -661,8 +659,8 @@ class SheetCard:
 
     def _show(self, dropped: DroppedFile) -> None:
         self._dropped = dropped
-        names = " and ".join(filter(None, (dropped.name, dropped.settings.power_log)))
-        self._title.set_content(f"The file as read: {text_of(names)}")
+        names = text_of(" and ".join(filter(None, (dropped.name, dropped.settings.power_log))))
+        self._title.set_content(f"The file as read: {names}")
         self._content.set_content(sheet(dropped))
         for button in (self._take, self._against):
             button.set_enabled(dropped.log is not None)
@@ -695,7 +693,7 @@ class SheetCard:
         """Close the sheet and return it with every change that came before; None where it holds no log."""
         async with self._in_turn:
             dropped = self._dropped
-            if dropped is None or dropped.log is None:
-                return None
-            self.close()
-            return dropped
+            if dropped is not None and dropped.log is not None:
+                self.close()
+                return dropped
+            return None

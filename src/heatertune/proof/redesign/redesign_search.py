@@ -45,7 +45,6 @@ from heatertune.proof.redesign.design_changes import (
     shorter_intervals,
     unwinds,
 )
-from heatertune.proof.redesign.lower_setpoint import kept_below
 from heatertune.proof.redesign.suggestion import Suggestion, passing_told
 from heatertune.proof.runs import MOST_SCANS, SearchBudget, judged_once
 from heatertune.proof.setpoint_ramp import BY_RAMP
@@ -253,7 +252,7 @@ def closed_on_runs(
     Args:
         fitted: as `closed`.
         request: likewise.
-        ways_on: whether what else would pass is looked for, and what keeps the limits below the setpoint as well.
+        ways_on: whether what else would pass is looked for, too.
         freeing: whether that may leave open what is fixed of the design; not where the search itself has fixed it.
         verdict_only: whether only the verdict counts: of what winds up nothing else that would pass is looked for.
         progress: likewise.
@@ -264,10 +263,9 @@ def closed_on_runs(
     with SearchBudget(scans=math.inf) as plain:
         first = plainly(fitted, still, text=False, progress=progress, stage=stage)
     dear = plain.used > _DEAR_PROOF * MOST_SCANS
-    below = partial(kept_below, fitted=fitted, request=request, dear=dear, close=closed_on_runs, progress=progress)
     kept = first.proof.verdict != "FAIL" and not (first.proof.design and winds_up(first.proof.diagnostics))
     if kept or request.as_is:
-        return below(first) if ways_on else first
+        return first
     search = RedesignSearch(
         fitted_model=fitted, request=request, first=first, progress=progress, freeing=freeing, has_dear_proofs=dear,
         verdict_only=verdict_only)
@@ -276,7 +274,7 @@ def closed_on_runs(
         return mended or first
     if mended is None:
         return search.way_on.with_suggestion(search.budget.message if search.budget.spent else "")
-    return below(replace(mended, notes=(*mended.notes, *search.hints(mended))))
+    return replace(mended, notes=(*mended.notes, *search.hints(mended)))
 
 
 @dataclass(slots=True, kw_only=True)
