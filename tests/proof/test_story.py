@@ -140,9 +140,10 @@ def test_a_night_is_made_of_the_longest_circuit_that_is_closed_again():
     night, rising = nights_of(scenario, [HEATER])
     open_s = closed.time_s - opened.time_s
     assert open_s == _up(800.0)
-    off_s = scenario.disturbances[0].time_s  # the heat-up's end
+    heated_s = scenario.disturbances[0].time_s - scenario.rests_s[0]  # the heat-up without its rest
+    off_s = heated_s + scenario.rests_s[7]
     assert night.scenario.disturbances == (replace(opened, time_s=off_s), replace(closed, time_s=off_s + 4.0 * _up(800.0)))
-    assert night.scenario.rests_s == (scenario.rests_s[0], 0.0, scenario.rests_s[7])
+    assert night.scenario.rests_s == (scenario.rests_s[7], 0.0, scenario.rests_s[7])
     assert night.scenario.duration_s - night.scenario.disturbances[1].time_s == pytest.approx(scenario.disturbances[7].time_s - closed.time_s)
     # and again: closed at the lower setpoint, which rises as full power has led there, or a fifth of that time later
     assert [kind for kind, *_ in kinds_of(rising.scenario)] == ["heat-up", *2 * ("off", "off", "off", "reheat")]
