@@ -7,6 +7,7 @@ a log with a measured disturbance, compared with plain feedback).
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
@@ -35,6 +36,7 @@ from heatertune.options import Keywords, merge_options, split_options, with_opti
 from heatertune.pid import design_document as pid_document
 from heatertune.pid.design_document import DesignProvenance
 from heatertune.pid.design_values import PidDesign
+from heatertune.pid.sampled_loop import margins
 from heatertune.pid.tune import stated_problem
 from heatertune.plc import Scaling, Words, controller_for
 from heatertune.plc.design import loop_fit, stated_scaling
@@ -51,7 +53,7 @@ from heatertune.proof.feed_forward_check import FeedForwardProof, PlainLoop, pro
 from heatertune.proof.heaters import holding_heaters
 from heatertune.proof.pictures import pictures, proven_heaters, robustness
 from heatertune.proof.proof_document import ComparisonView, ProofView, check_document
-from heatertune.proof.prove_words import every_setpoint
+from heatertune.proof.prove_words import every_setpoint, tune_settings_for
 from heatertune.proof.redesign.on_samples import closed_on_samples
 from heatertune.proof.text_comparison import as_exported
 from heatertune.proof.verdict import PROOF_SCHEMA
@@ -290,10 +292,15 @@ def _asked_of_libraries(fitted: FittedModel, result: DesignResult, request: Desi
     """Return the arguments of `second_opinion`."""
     ideal, words, controller = result.ideal, result.proof.words, controller_for(request.target)
     in_loop = loop_fit(fitted, request.target, words.scaling)
-    problem = None
+    problem, ms = None, math.inf
     if ideal.gain_pct_per_degC > 0.0 and ideal.sample_time_s > 0.0:
-        problem = replace(stated_problem(in_loop, request.tune_settings, ideal.sample_time_s),
-                          derivative_filter=ideal.derivative_filter, step_power=ideal.step_power_limit_pct_per_degC)
+        ms = max(margins(plant, ideal).ms for plant in in_loop.plants)
+    if math.isfinite(ms):
+        tuned = tune_settings_for(request.tune_settings, result.conditions)
+        problem = replace(
+            stated_problem(in_loop, tuned, ideal.sample_time_s), structure=ideal.structure,
+            derivative_filter=ideal.derivative_filter, step_power=ideal.step_power_limit_pct_per_degC,
+            ms=ms)  # its own: the search may have taken another limit, and an optimum is one within its own Ms, too
         if controller.most_gain is not None:
             problem = replace(problem, most_gain=partial(controller.most_gain, words.scaling))
     return {"words_design": result.proof.design, "heaters": proven_heaters(fitted, result.proof), "ideal": ideal,
