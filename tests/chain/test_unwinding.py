@@ -55,7 +55,7 @@ def test_a_night_is_tried_under_every_setting_and_the_way_on_names_the_one_that_
     wound = [setting["anti_windup"] for setting in SETTINGS if broken(library, HEATER, held, setting, 0)]
     assert set(wound) == {"none"}
     assert held.passes_with == ("--assume", "anti_windup=clamp")
-    assert "would pass with --assume anti_windup=clamp" in held.proof.diagnostics.remarks[-1]
+    assert "would pass with --assume anti_windup=clamp" in held.proof.diagnostics.remarks[0]
     known = replace(ASKED.conditions, switches={"anti_windup": "clamp"})
     assert find_passing_design(model_by_hand(HEATER), replace(ASKED, boost="none", conditions=known)).proof.verdict == "PASS"
 

@@ -77,7 +77,7 @@ def test_a_search_without_time_ends_with_the_plain_design_and_says_so(monkeypatc
     monkeypatch.setattr(search_budget, "MOST_SCANS", 1e3)
     ended = find_passing_design(HEATER, ASKED)
     assert (ended.proof.verdict, ended.proof.words) == ("FAIL", plain.proof.words)
-    assert "the search ended after 0.001 million simulated scans, its budget" in ended.proof.diagnostics.remarks[-1]
+    assert "the search ended after 0.001 million simulated scans, its budget" in ended.proof.diagnostics.remarks[0]
     assert "the search ended" in ended.notes[-1]
 
 
