@@ -65,6 +65,19 @@ def plant() -> str:
     return "\n\n".join(parts).removeprefix(parts[0].partition("\n")[0])
 
 
+def gallery() -> str:
+    """Return a picture of each notebook as it is stored, the last it draws, with its first heading."""
+    shown = []
+    for path in sorted(SOURCE.parents[1].joinpath("notebooks").glob("*.ipynb")):
+        cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
+        title = "".join(cells[0]["source"]).partition("\n")[0].removeprefix("# ")
+        *_, picture = (output["data"]["image/png"] for cell in cells for output in cell.get("outputs", ())
+                       if "image/png" in output.get("data", ()))
+        shown.append(f'<figure><img src="data:image/png;base64,{"".join(picture).strip()}" alt="{path.name}: its last picture">'
+                     f"<figcaption><code>{path.name}</code><br>{title}</figcaption></figure>")
+    return f'<div class="gallery">{"".join(shown)}</div>'
+
+
 def symbols() -> str:
     """Return the table of symbols."""
     return _table(("symbol", "term [unit]", "meaning", "name in the code"), [
@@ -193,6 +206,7 @@ def modules(room: str) -> list[str]:
 GENERATORS: dict[str, Callable[[], str]] = {
     "commands": commands, "symbols": symbols, "words": words, "controllers": controllers, "criteria": criteria,
     "conditions": conditions, "events": events, "excluded": excluded, "rooms": rooms, "plant": plant,
+    "gallery": gallery,
 } | {f"service_{name.replace('-', '_')}": partial(service, name) for name in TARGETS
 } | {f"python_{room}": partial(python, room) for room in ROOMS}
 

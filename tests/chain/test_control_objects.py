@@ -145,6 +145,20 @@ def test_the_program_of_casadi_ends_at_the_optimum_and_can_be_changed(model):
         program.solve(limits=[-1.0 - program.gain_pct_per_degC])
 
 
+def test_the_program_of_casadi_refuses_what_is_no_expression_of_its_symbols(model):
+    ca = pytest.importorskip("casadi")
+    program, other = ht.problem(model, structure="pi"), ht.problem(model, structure="pi")
+    for given, message in (
+        ({"cost": ca.SX.sym("q")}, "cost holds the symbol q, which is not one of this program's: x_0, x_1"),
+        ({"cost": other.cost}, "cost holds the symbol x_0, x_1, which is not one"), ({"cost": "a"}, "cost holds 'a'; it must be an expr"),
+        ({"cost": ca.MX.sym("q")}, "a casadi.SX"), ({"cost": ca.vertcat(program.cost, program.cost)}, "cost has 2 values; it must be one"),
+        ({"limits": [ca.SX.sym("z")]}, "limits holds the symbol z"), ({"limits": 5}, "limits is 5; it must be a list"),
+        ({"limits": "x"}, "limits is 'x'; it must be a list"),
+    ):
+        with pytest.raises(InputError, match=message):
+            program.solve(**given)
+
+
 @pytest.mark.parametrize(("options", "message"), [
     ({"method": "simc"}, "simc is a rule"), ({"structure": "p"}, "no program"), ({"sample_time_s": 0.0}, "leave sample_time_s = 0 out"),
     ({"objective": "ki"}, "no program"), ({"structur": "pi"}, "did you mean 'structure'"),

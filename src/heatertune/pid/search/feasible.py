@@ -402,14 +402,36 @@ class NonlinearProgram:
             limits: further ones, expressions that must not be negative.
 
         Raises:
-            InputError: IPOPT found no optimum; the error names its status.
+            InputError: what is given is no expression of these symbols; IPOPT found no optimum, and with what status.
         """
-        answer, status = self.run_ipopt(self.cost if cost is None else cost, list(limits), most_iterations=_PATIENT)
+        cost = self.cost if cost is None else self._expression("cost", cost)
+        if not np.iterable(limits) or isinstance(limits, str):
+            raise InputError(f"limits is {limits!r}; it must be a list of expressions")
+        further = [self._expression("limits", limit) for limit in limits]
+        answer, status = self.run_ipopt(cost, further, most_iterations=_PATIENT)
         if status not in _SOLVED:
             raise InputError(f"IPOPT ended with {status}: relax a limit, or begin with another design")
         gain, integral, *derivative = np.exp(answer)
         design = self.problem.design(float(gain), float(integral), float(derivative[0]) if derivative else 0.0)
         return replace(design, method="optimum of a nonlinear program (IPOPT)")
+
+    def _expression(self, field: str, given: Any) -> Any:
+        """Return what a user gives as an expression of the unknowns."""
+        import casadi as ca
+
+        try:
+            expression = ca.SX(given)
+        except NotImplementedError:  # of CasADi: a type that it does not take
+            raise InputError(f"{field} holds {given!r}; it must be an expression of this program's symbols, a casadi.SX"
+                             ) from None
+        own = ca.symvar(self.unknowns)
+        known = {symbol.element_hash() for symbol in own}  # another program's symbols bear the same names
+        if free := [symbol.name() for symbol in ca.symvar(expression) if symbol.element_hash() not in known]:
+            raise InputError(f"{field} holds the symbol {', '.join(free)}, which is not one of this program's: "
+                             f"{', '.join(symbol.name() for symbol in own)}")
+        if field == "cost" and not expression.is_scalar():
+            raise InputError(f"cost has {expression.numel()} values; it must be one")
+        return expression
 
     def cost_at(self, unknowns: Array) -> float:
         """Return the cost at values of the unknowns, shape (2,) or (3,)."""
