@@ -3,11 +3,14 @@
 import ast
 import re
 from pathlib import Path
+from unittest import mock
 
 import pytest
 
 import heatertune
-from heatertune.studio.wording import for_page
+from heatertune.proof.design_request import DesignResult
+from heatertune.studio.loop_settings import StudioSettings
+from heatertune.studio.wording import for_page, mend_for
 
 OPTION = re.compile(r"--[a-z]")
 #: folders and modules whose sentences no page of the studio shows
@@ -45,3 +48,16 @@ def test_no_sentence_of_the_chain_names_an_option_once_it_is_on_the_page():
 ])
 def test_a_sentence_stays_one(told, shown):
     assert for_page(told) == shown
+
+
+@pytest.mark.parametrize(("options", "shown", "changes"), [
+    (("--switch-kind", "ssr", "--pwm-period", "2.5"), "with a solid-state relay and a PWM period of 2.5 s",
+     {"switch_kind": "ssr", "pwm_period_s": 2.5}),
+    (("--switch-kind", "ssr"), "with a solid-state relay", {"switch_kind": "ssr"}),
+    (("--pwm-period", "0.5"), "at a PWM period of 0.5 s", {"pwm_period_s": 0.5}),
+])
+def test_a_switch_and_its_period_that_would_pass_are_one_click(options, shown, changes):
+    failed = mock.Mock(spec=DesignResult, notes=[f"It fails: overshoot; would pass at {' '.join(options)}"], passes_with=options)
+    failed.proof.verdict = "FAIL"
+    offer = mend_for(failed, StudioSettings())
+    assert (offer.message, offer.changes, offer.button) == (f"It fails: overshoot; would pass {shown}.", changes, "Ask for that")

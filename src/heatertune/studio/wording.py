@@ -70,13 +70,19 @@ _TA_AUTO: Final = re.compile(r"--sample-time auto")
 _STRUCTURE: Final = re.compile(r"--structure (\w+)")
 _MS: Final = re.compile(r"--ms ([\d.]*\d)")
 _SETPOINT: Final = re.compile(r"--setpoint ([\d.]*\d)")
+_KIND: Final = re.compile(r"(?:at )?--switch-kind (\w+)(?= --|[.;]|$)")
+_PERIOD: Final = re.compile(r"(at |)--pwm-period ([\d.]*\d)")
+_KINDS: Final = {"ssr": "solid-state relay"}
 _BURST: Final = re.compile(r", and tried without --switch-kind")
 
 #: options that are one setting each
 _FIELDS: Final = {"--tolerance": "tolerance_degC", "--sample-time": "sample_time_s", "--setpoint": "setpoint_degC",
-                  "--ms": "ms", "--structure": "structure"}
+                  "--ms": "ms", "--structure": "structure", "--switch-kind": "switch_kind",
+                  "--pwm-period": "pwm_period_s"}
+#: of these, those that are a name, not a number
+_NAMES: Final = ("--structure", "--switch-kind")
 #: options of the design and of the conditions, which allow nothing
-_ASKED: Final = ("--sample-time", "--setpoint", "--ms", "--structure")
+_ASKED: Final = ("--sample-time", "--setpoint", "--ms", "--structure", "--switch-kind", "--pwm-period")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -131,7 +137,7 @@ def _moved(options: tuple[str, ...], settings: StudioSettings) -> Iterator[tuple
         yield "limits", (*(own for own in settings.limits if own.partition("=")[0].strip() not in named), *limits)
     for flag, value in pairs:
         if flag in _FIELDS:
-            yield _FIELDS[flag], None if value == "auto" else value if flag == "--structure" else float(value)
+            yield _FIELDS[flag], None if value == "auto" else value if flag in _NAMES else float(value)
 
 
 def _plain(message: str) -> str:
@@ -140,6 +146,8 @@ def _plain(message: str) -> str:
     message = _LIMIT.sub(lambda match: f"{match[1].replace('-', ' ')} up to {match[2]}", message)
     message = _INTERVAL.sub(r"TA = \1 s and", _TA_AUTO.sub("a TA found with the design", message))
     message = _STRUCTURE.sub(lambda match: f"the structure {match[1].upper()}", _MS.sub(r"Ms up to \1", message))
-    message = _SETPOINT.sub(r"a setpoint of \1 °C", message)
-    message = for_page(_BURST.sub("", _TOLERANCE.sub(r"a tolerance of \1 °C", message)))
+    message = _SETPOINT.sub(r"a setpoint of \1 °C", _BURST.sub("", message))
+    message = _KIND.sub(lambda match: f"with a {_KINDS.get(match[1], match[1])}", message)
+    message = _PERIOD.sub(lambda match: f"{match[1] or 'and '}a PWM period of {match[2]} s", message)
+    message = for_page(_TOLERANCE.sub(r"a tolerance of \1 °C", message))
     return message if message.endswith(".") else f"{message}."
