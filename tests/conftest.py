@@ -1,7 +1,6 @@
 """What all tests share."""
 
 import fcntl
-import hashlib
 import os
 import random
 import subprocess
@@ -33,7 +32,7 @@ CHROMIUM = Path("/usr/bin/chromium")
 _PLAIN_SCANS = dispatch._PLAIN_SCANS
 
 #: no deadline: a machine that others use, too, is now and then slow
-_IN_CI = 500
+_IN_CI = 200
 _WITHOUT_CLOCK = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
 settings.register_profile("quick", max_examples=20, **_WITHOUT_CLOCK)
 settings.register_profile("dev", max_examples=100, **_WITHOUT_CLOCK)
@@ -197,29 +196,13 @@ def run_folder(tmp_path_factory):
 
 
 @pytest.fixture(scope="session", autouse=True)
-def machine_code(request, run_folder):
-    """What is compiled is kept, whatever cache a test asks for, each function by one process: each loop costs seconds."""
+def machine_code(request):
+    """What is compiled is kept, whatever cache a test asks for: each loop costs seconds."""
     place = request.config.cache.mkdir(_CACHE)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(dispatch, "folder", lambda: place)
         patch.setattr(precompile, "processors", lambda: 1)  # what is compiled is compiled in turn, not beside
-        _compile_in_turn(patch, run_folder / "locks")
         yield
-
-
-def _compile_in_turn(patch, locks):
-    """Let one process at a time compile a function: the next one finds it on disk."""
-    enter = dispatch._MachineCode._entered
-    locks.mkdir(parents=True, exist_ok=True)
-
-    def enter_in_turn(machine, *given):
-        function = machine._function
-        name = hashlib.sha256(f"{function.__module__}.{function.__qualname__}".encode()).hexdigest()[:16]
-        with (locks / name).open("w") as lock:
-            fcntl.flock(lock, fcntl.LOCK_EX)
-            return enter(machine, *given)
-
-    patch.setattr(dispatch._MachineCode, "_entered", enter_in_turn)
 
 
 @pytest.fixture(scope="session")
