@@ -1,13 +1,14 @@
 """What all tests share."""
 
 import fcntl
-import hashlib
+import io
 import os
 import random
 import subprocess
 import sys
 import tempfile
 from collections import Counter, defaultdict
+from contextlib import redirect_stdout
 from pathlib import Path
 
 os.environ["OPENBLAS_NUM_THREADS"] = "1"  # before NumPy reads it: each process of the tests has a core, not all of them
@@ -17,6 +18,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from heatertune.chain import precompile
+from heatertune.cli import main
 from heatertune.compiled import dispatch
 from heatertune.log.log_values import Log
 from heatertune.processors import processors
@@ -30,10 +32,13 @@ REAL_LOGS = ROOT.parent / "shared" / "data" / "logs"
 
 CHROMIUM = Path("/usr/bin/chromium")
 
+#: the README's first command, without its folder
+MAIN_JOB = ("design", "table4", "--target", "s5-ob251")
+
 _PLAIN_SCANS = dispatch._PLAIN_SCANS
 
 #: no deadline: a machine that others use, too, is now and then slow
-_IN_CI = 500
+_IN_CI = 200
 _WITHOUT_CLOCK = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
 settings.register_profile("quick", max_examples=20, **_WITHOUT_CLOCK)
 settings.register_profile("dev", max_examples=100, **_WITHOUT_CLOCK)
@@ -92,6 +97,12 @@ def _selection(items):
     return names
 
 
+def _deselect(config, items, names):
+    """Take tests away by their names."""
+    config.hook.pytest_deselected(items=[item for item in items if item.nodeid in names])
+    items[:] = [item for item in items if item.nodeid not in names]
+
+
 def pytest_configure(config):
     """Keep machine code from run to run, and fits for this run: of its processes and of the commands that tests start."""
     if not hasattr(config, "workerinput"):
@@ -121,10 +132,10 @@ def pytest_collection_modifyitems(config, items):
     for item in items:
         if not any(item.get_closest_marker(mark) for mark in SLOW):
             item.add_marker("fast")
+    if config.option.all:
+        _deselect(config, items, {item.nodeid for item in items if item.get_closest_marker("contained")})
     if os.environ[_SELECTION] == "short":
-        names = _selection(items)
-        config.hook.pytest_deselected(items=[item for item in items if item.nodeid not in names])
-        items[:] = [item for item in items if item.nodeid in names]
+        _deselect(config, items, {item.nodeid for item in items} - _selection(items))
     result = yield
     items.sort(key=lambda item: -max((mark.kwargs.get("seconds", 0) for mark in item.iter_markers("long")), default=0))
     return result
@@ -196,30 +207,27 @@ def run_folder(tmp_path_factory):
     return own.parent if "PYTEST_XDIST_WORKER" in os.environ else own
 
 
+@pytest.fixture(scope="session")
+def main_job(run_folder):
+    """The folder that the README's first command writes, designed once in a run of the tests, and what it printed; to be copied."""
+    folder, text = run_folder / "main-job", run_folder / "main-job.txt"
+    with (run_folder / "main-job.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not text.exists():
+            with redirect_stdout(io.StringIO()) as printed:
+                assert main([*MAIN_JOB, "--out", str(folder)]) == 0
+            text.write_text(printed.getvalue(), encoding="utf-8")
+    return folder, text.read_text(encoding="utf-8")
+
+
 @pytest.fixture(scope="session", autouse=True)
-def machine_code(request, run_folder):
-    """What is compiled is kept, whatever cache a test asks for, each function by one process: each loop costs seconds."""
+def machine_code(request):
+    """What is compiled is kept, whatever cache a test asks for: each loop costs seconds."""
     place = request.config.cache.mkdir(_CACHE)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(dispatch, "folder", lambda: place)
         patch.setattr(precompile, "processors", lambda: 1)  # what is compiled is compiled in turn, not beside
-        _compile_in_turn(patch, run_folder / "locks")
         yield
-
-
-def _compile_in_turn(patch, locks):
-    """Let one process at a time compile a function: the next one finds it on disk."""
-    enter = dispatch._MachineCode._entered
-    locks.mkdir(parents=True, exist_ok=True)
-
-    def enter_in_turn(machine, *given):
-        function = machine._function
-        name = hashlib.sha256(f"{function.__module__}.{function.__qualname__}".encode()).hexdigest()[:16]
-        with (locks / name).open("w") as lock:
-            fcntl.flock(lock, fcntl.LOCK_EX)
-            return enter(machine, *given)
-
-    patch.setattr(dispatch._MachineCode, "_entered", enter_in_turn)
 
 
 @pytest.fixture(scope="session")

@@ -1,11 +1,13 @@
 """Machine code on disk: found again, never taken for that of a changed program, removed when nobody uses it."""
 
+import fcntl
 import importlib.util
 import os
 import shutil
 import sys
 import time
 from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
 from threading import Barrier, Event, Thread
 
 import numpy as np
@@ -14,6 +16,7 @@ import pytest
 from heatertune import cache
 from heatertune.compiled import compile_function, machine_code
 from heatertune.compiled import dispatch as machine
+from heatertune.compiled.loader import kinds_of
 from heatertune.compiled.numba_compiler import object_code
 from heatertune.heater.exact import unit_step_response
 
@@ -59,6 +62,29 @@ def test_what_is_compiled_is_found_by_the_next_process(tmp_path, place):
     assert second(3.0) == 8.0
     assert [(door.found, door.made) for door in (first, second)] == [(0, 1), (1, 0)]
     assert len(machine_code(place)) == 1
+
+
+def test_of_processes_that_need_the_same_at_once_one_compiles_and_the_others_wait(tmp_path, place):
+    asked, doors = Barrier(3), [compile_function(_started_anew(tmp_path).outer) for _ in range(3)]
+
+    def run(door):
+        asked.wait()
+        return door(3.0)
+
+    with ThreadPoolExecutor(3) as pool:
+        assert list(pool.map(run, doors)) == [8.0] * 3
+    assert sorted((door.found, door.made) for door in doors) == [(0, 1), (1, 0), (1, 0)]
+    assert not list(place.rglob("*.lock"))
+
+
+def test_nobody_waits_for_ever_for_a_process_that_was_stopped(tmp_path, place, monkeypatch):
+    door = compile_function(_started_anew(tmp_path).outer)
+    path = door._place / door._name(kinds_of((3.0,)))
+    with path.with_suffix(".lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        monkeypatch.setattr(machine, "_MOST_WAIT_S", 0.05)
+        assert door(3.0) == 8.0
+    assert (door.found, door.made) == (0, 1)
 
 
 def test_two_threads_that_ask_at_once_wait_for_the_same_machine_code(tmp_path, place, monkeypatch):

@@ -8,22 +8,15 @@ import pytest
 from heatertune.cli import main
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    out = tmp_path_factory.mktemp("documents") / "out"
-    assert main(["design", "table4", "--target", "s5-ob251", "--out", str(out), "--quiet"]) == 0
-    return out
-
-
-@pytest.mark.long(20)
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "place"), [
     ("comparison", "rivals.0.integral_time_s"), ("comparison", "rivals.0.gain_pct_per_degC"), ("comparison", "paper"),
     ("words", "realised.derivative_time_s"), ("words", "search"), ("model", "hypotheses.0.hold_out_rmse_degC"),
     ("model", "hypotheses.0.on_bound"), ("model", "candidates.0.ambient_degC"), ("pid", "robust"), ("pid", "notes"),
 ])
-def test_a_document_without_a_field_is_drawn_or_refused_in_one_line(folder, tmp_path, capsys, name, place):
+def test_a_document_without_a_field_is_drawn_or_refused_in_one_line(main_job, tmp_path, capsys, name, place):
     copy = tmp_path / "out"
-    shutil.copytree(folder, copy)
+    shutil.copytree(main_job[0], copy)
     path = copy / "data" / f"{name}.json"
     document = json.loads(path.read_text(encoding="utf-8"))
     *way, last = [int(step) if step.isdecimal() else step for step in place.split(".")]

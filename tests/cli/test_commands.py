@@ -348,10 +348,9 @@ def _prints_on(page, folder, *, pages):
 
 
 @pytest.mark.long
-def test_the_main_job_passes_and_its_report_can_be_drawn_again(run, tmp_path):
-    out = tmp_path / "out"
-    status, said, _ = run("design", "table4", "--target", "s5-ob251", "--out", out)
-    assert status == 0
+def test_the_main_job_passes_and_its_report_can_be_drawn_again(run, main_job, tmp_path):
+    folder, said = main_job
+    out = shutil.copytree(folder, tmp_path / "out")
     assert said.startswith("PASS  s5-ob251 at 53.3 °C")
     whole = run("report", out, "--verbose")[1]
     assert "table3" in whole, "the other table's candidates are proven too"

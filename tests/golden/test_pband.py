@@ -56,9 +56,9 @@ def test_the_law_is_the_witness():
     assert _differences(40_000, 1) < _CLOSE
 
 
-@pytest.mark.long(seconds=15)
-def test_the_law_is_the_witness_over_a_million_samples():
-    assert _differences(1_000_000, 2) < _CLOSE
+@pytest.mark.long
+def test_the_law_is_the_witness_over_200_000_samples():  # a million showed no more
+    assert _differences(200_000, 2) < _CLOSE
 
 
 @pytest.mark.parametrize("name", MAKES)

@@ -220,7 +220,7 @@ def test_whole_random_blocks_and_odd_numbers_everywhere_stop_no_plc(target):
         _, words, block = _made(target, switches)
         cells, state = bytearray(block.image()), block.begin()
         setpoint, = _measured(target, 50.0)
-        for number in range(tried(150, 5_000)):
+        for number in range(tried(150, 1_500)):
             kind = number % 3
             if kind == 0:
                 cells[:] = chance.randbytes(len(cells))

@@ -209,7 +209,7 @@ _JUNK = ["[", "]", "{}", "nan", "-1", "1e400", '""', "[]", "[1, 2, 3]", "true", 
 @pytest.mark.law
 def test_a_damaged_map_is_read_or_refused_in_one_line_whatever_the_damage(tmp_path):
     path, rng, words = tmp_path / "oven.toml", random.Random(4), GOOD.replace("\n", " \n ").split(" ")
-    for _ in range(tried(400, 3000)):
+    for _ in range(tried(400, 1200)):
         damaged = list(words)
         for place in rng.sample(range(len(words)), rng.randint(1, 3)):
             damaged[place] = rng.choice([*_JUNK, "", rng.choice(words)])

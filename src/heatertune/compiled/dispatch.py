@@ -16,7 +16,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from functools import cache as remember
 from pathlib import Path
 from threading import Lock
@@ -29,6 +29,9 @@ from heatertune.compiled.loader import MISSED, Code, Kinds, entry, host, kinds_o
 from heatertune.compiled.plain_functions import callees, plainly
 from heatertune.errors import InputError
 from heatertune.writing import write_files
+
+if sys.platform != "win32":
+    import fcntl
 
 __all__ = ["compile_function", "decide", "is_kept", "machine_code", "made_beside", "tricks_hold", "worth_a_second",
            "worth_compiling"]
@@ -62,6 +65,8 @@ _MENTION: Final = re.compile(r"heatertune((?:\.\w+)*)(?: import (\([^)]*\)|[^\n(
 _ENDING: Final = ".code"
 _PROBE_ENDING: Final = ".probe"  # of the check's machine code, which is no work's
 _STALE_S: Final = 30 * 86_400.0  # folders that no process used for so long are removed
+_MOST_WAIT_S: Final = 60.0  # for another process that compiles the same: it may have been stopped
+_LOOK_S: Final = 0.02
 
 #: functions → held by the thread that makes their machine code, or waits for it: others must not make it once more
 _entering: Final[dict[Callable[..., Any], Lock]] = {}
@@ -239,9 +244,13 @@ class _MachineCode:
 
     def _direct(self, kinds: Kinds, arguments: Sequence[Any]) -> Callable[[tuple[Any, ...]], Any] | None:
         """Return what runs it as machine code, None where Numba calls it in a way that the loader does not know."""
-        kept = self._kept(kinds)
-        self.found, self.made = self.found + (kept is not None), self.made + (kept is None)
-        return kept or self._compiled(kinds, arguments)
+        if (kept := self._kept(kinds)) is None:
+            with _compile_in_turn(None if self._place is None else self._place / self._name(kinds)):
+                if (kept := self._kept(kinds)) is None:
+                    self.made += 1
+                    return self._compiled(kinds, arguments)
+        self.found += 1
+        return kept
 
     def _kept(self, kinds: Kinds) -> Callable[[tuple[Any, ...]], Any] | None:
         """Return what is on disk, None where it is not or is torn."""
@@ -268,6 +277,29 @@ class _MachineCode:
     def _name(self, kinds: Kinds) -> str:
         digest = hashlib.sha256(f"{host()} {signature_text(kinds)}".encode()).hexdigest()[:16]
         return f"{_stem(self._function)}{digest}{self._ending}"
+
+
+@contextmanager
+def _compile_in_turn(path: Path | None) -> Iterator[None]:
+    """Let one process at a time make a file of machine code; the next one finds it there.
+
+    Where files cannot be locked, and after `_MOST_WAIT_S`, both make it.
+    """
+    if path is None or sys.platform == "win32":
+        yield
+        return
+    lock, end_s = path.with_suffix(".lock"), time.monotonic() + _MOST_WAIT_S
+    with ExitStack() as stack:
+        with suppress(OSError):
+            file = stack.enter_context(lock.open("w"))
+            while time.monotonic() < end_s:
+                with suppress(BlockingIOError):
+                    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    break
+                time.sleep(_LOOK_S)
+        yield
+        with suppress(OSError):
+            lock.unlink()
 
 
 def _stem(function: Callable[..., Any]) -> str:
