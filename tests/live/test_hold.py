@@ -326,12 +326,12 @@ def test_words_on_both_sides_of_one_that_somebody_has_changed_go_back_one_by_one
     places = {"Kp": 24, "Ki": 28, "Kd": 32}  # bytes of the manual's order, a REAL each
     words, clock, where = words_of("weg"), hasty_clock(), address(weg)
     image = block_image(words, where, {})
-    before = {name: 1.0 for name in places}
+    before = dict.fromkeys(places, 1.0)
     with Peer(where, image, words.sample_time_s, LinkSettings(clock=clock)) as peer, WriteRecord(tmp_path / "r.jsonl") as record:
         for at in places.values():
             weg.memory[at:at + 4] = struct.pack(">f", 1.0)
         content = peer.look().content
-        after = image.values(content) | {name: 2.0 for name in places}
+        after = image.values(content) | dict.fromkeys(places, 2.0)
         part, = image.parts(content, after)
         assert (part.names, part.start) == (tuple(places), 24)
         weg.memory[24:36] = part.after
