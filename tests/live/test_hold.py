@@ -18,6 +18,7 @@ from heatertune.live.experiment import Experiment, ExperimentObserver, restore
 from heatertune.live.hold import Clock, Hold, WayBackPart, new_way_back
 from heatertune.live.poller import Poller
 from heatertune.live.schedule import AbortLimits, Steps
+from heatertune.live.write.band import Reach
 from heatertune.live.write.plc_block import LinkSettings, Peer, block_image
 from heatertune.live.write.write_record import Budget, WriteRecord
 from heatertune.live.write.writer import WriteOutcome, Writer
@@ -351,3 +352,26 @@ def test_words_on_both_sides_of_one_that_somebody_has_changed_go_back_one_by_one
     assert [(2 * first, len(data)) for first, data in weg.writes] == [(24, 4)]
     assert ended.outcome is WriteOutcome.ROLLED_BACK
     assert "somebody has changed the words: Ki is 77, not 1, Kd is 88, not 1" in ended.message
+
+
+def test_a_rise_that_no_plausible_heater_makes_ends_an_experiment_and_its_writes_are_counted(weg, heater, tmp_path):
+    """At full power twice the heater rises by 2 · 0.9 · 121 / 167 = 1.3 °C/s at most; here by more at some looks a second."""
+    reads = []
+
+    def rising(first, data):
+        at = FEEDBACK - 2 * first
+        if not 0 <= at <= len(data) - 4:
+            return data
+        reads.append(1)
+        return data[:at] + struct.pack(">f", min(40.0 + 0.2 * len(reads) ** 1.5, 79.0)) + data[at + 4:]
+
+    weg.answered = rising
+    limits = AbortLimits(temperature_degC=80.0)
+    whole = Experiment(PLAN, address(weg), words_of("weg"), limits, timeout_s=0.5, reach=Reach(words_of("weg"), heater, 0.0))
+    ended = whole.run(tmp_path / "log.csv")
+    assert (ended.reason, ended.restored) == ("rate", True)
+    assert "2 times as fast as the fastest plausible heater, at full power" in ended.message
+    assert weg.memory[BY_HAND] == AUTOMATIC
+    assert whole.budget.counts()["manual"] >= 1
+    del reads[:]
+    assert any("manual was written" in found for found in whole.check())

@@ -28,6 +28,7 @@ from heatertune.live.schedule import RATE_ROWS, AbortLimits, Aims, RelaySchedule
 from heatertune.live.simulator_status import GUARDED, OWN, OWN_CELLS, RUNS
 from heatertune.live.write.band import Reach, RiseWatch
 from heatertune.live.write.plc_block import block_image
+from heatertune.live.write.write_record import Budget
 from heatertune.model.model_values import FittedModel
 from heatertune.plc import Words, controller_for
 from heatertune.plc.keyed_entry import value_texts
@@ -99,6 +100,8 @@ class ManualMode:
 
 
 _SAME_PCT: Final = 1e-6
+#: as what a change of mode and power is counted
+_MANUAL: Final = "manual"
 #: so long nobody may look [s], however busy the machine is
 _ASLEEP_S: Final = 10.0
 #: by how much every plausible heater must have moved before a reading that stands still is frozen
@@ -154,6 +157,7 @@ class Experiment:
         mode: mode and manual value of the controller.
         sensor_degC: both ends of the sensor's range [°C].
         has_dead_man: whether `check` has found one.
+        budget: that counts what is written there.
         hold: on the PLC, and the clock.
         timeout_s: after which an answer is lost [s].
         reach: of the plausible heaters; None: neither a frozen sensor nor a rise that is too fast is told.
@@ -186,6 +190,7 @@ class Experiment:
         self._recording = RecordingSetup(timeout_s=timeout_s, pwm_period_s=pwm_period_s)
         self.sensor_degC, self.has_dead_man = words.scaling.sensor_degC, False
         self._in_manual, self.hold, self.timeout_s = in_manual, Hold(address), timeout_s
+        self.budget = Budget(address, self.mode.place[0])
 
     def check(self) -> tuple[str, ...]:
         """Return what was found, one sentence each.
@@ -215,7 +220,9 @@ class Experiment:
         rise = () if self.reach is None else (
             f"stops where the temperature rises by more than {60.0 * self.reach.rate_degC_per_s:.3g} °C/min, twice as "
             "fast as the fastest plausible heater at full power",)
-        return f"the block holds the words of {self._words.target}", f"{mode}, {degC:.2f} °C", dead_man, *rise
+        wrote = self.budget.counts()[_MANUAL]
+        worn = (f"manual was written {wrote} times from here before",) if wrote else ()
+        return f"the block holds the words of {self._words.target}", f"{mode}, {degC:.2f} °C", dead_man, *rise, *worn
 
     def _demand_mode(self, image: bytes) -> None:
         """Refuse a mode that nobody has said: an experiment from elsewhere may have left it."""
@@ -393,6 +400,7 @@ class _Hand:
         """Send a put, and see that it stands there; until then the way back on the disk says that it may arrive."""
         mode = self._whole.mode
         try:
+            self._whole.budget.count((_MANUAL,))
             self._hold.note_request()
         except InputError as problem:
             self.end("output", str(problem))

@@ -42,7 +42,7 @@ _TIMES: Final = 5.0  # lags and dead time of the slowest heater
 _PERIODS: Final = 3.0  # of PWM
 _SIGMAS: Final = 3.0
 _FASTER: Final = 2.0  # than the fastest plausible heater: what the fit does not know of it
-_CLEAR: Final = 5.0  # times what two readings cannot tell: so far has the largest rise led
+_CLEAR: Final = 5.0  # times what two readings cannot tell, and how late they may be: as long is a rise looked at
 _IN_A_ROW: Final = 2  # readings outside that are more than a disturbed one
 _SMALL: Final = 0.25  # of the rise from the ambient: up to there a change of the setpoint counts as a small one
 
@@ -124,7 +124,7 @@ class Reach:
     @property
     def window_s(self) -> float:
         """Within which the largest rise is well beyond what a reading cannot tell [s]."""
-        return _CLEAR * self._unread_degC / self.rate_degC_per_s
+        return _CLEAR * (self._unread_degC / self.rate_degC_per_s + self._late_s)
 
     def at(self, degC: float, passed_s: float) -> tuple[float, float]:
         """Compute the lowest and the highest temperature so long after a reading [°C]; all, where time runs back."""
@@ -367,7 +367,7 @@ class _Watch:
             self._record.write_line("unusable", s=round(self.seconds, 3), told=problem, **look.to_document())
             return problem if self._unusable_row >= _IN_A_ROW else ""
         rise = self._rise.see(look.time_s, seen)
-        if stop := highest_message(self._proven, seen) or self._frozen(look, seen) or (rise if self._shows else ""):
+        if stop := highest_message(self._proven, seen) or self._frozen(look, seen):
             return stop
         if self._jumped_before:
             return self._jumped_before
@@ -392,7 +392,7 @@ class _Watch:
                          **look.to_document())
         between = f"the proven band, {low:.4g} to {high:.4g} °C"
         self.told = f"{seen:.4g} °C in {between}, {self.seconds:.0f} of {self.duration_s:.0f} s"
-        return f"{seen:.4g} °C is outside of {between}" if self._outside >= _IN_A_ROW else ""
+        return f"{seen:.4g} °C is outside of {between}" if self._outside >= _IN_A_ROW else rise if shows else ""
 
     def _see_before(self, looks: Iterable[BlockSnapshot]) -> str:
         """Take the looks from before the watch; return why readings have jumped in them; empty where they have not."""
