@@ -1,6 +1,6 @@
 """Each way to end a program, at each step of each live command: a table of how many cases were right, and what was wrong.
 
-    python -m tests.bench.signal_table [CASES [SEED]]
+    python -m tests.bench.signal_table [CASES [SEED [PART OF]]]
 
 A step is a request that reaches the PLC. The ways are SIGINT, SIGTERM, SIGHUP, a terminal that is closed ("terminal": the system's own SIGHUP,
 and no terminal any more), and a reader that goes away ("pipe": SIGPIPE). Judged by registers of `tests.bench.gateway`, or, of `write` and
@@ -226,10 +226,17 @@ def cases():
     return [(command, number, way) for command, most in STEPS.items() for number in range(1, most + 1) for way in WAYS]
 
 
-def main(count=240, seed=1):
-    """Print the table; return 1 where something was wrong."""
+def table(ran, hit, bad):
+    """Return the table, a text."""
+    rows = [command.ljust(22) + "".join(f"{hit[command, way]}/{ran[command, way]}".rjust(11) for way in WAYS) for command in STEPS]
+    last = f"{sum(ran.values())} cases, {sum(hit.values())} struck while the command ran, {bad} wrong"
+    return "\n".join(["struck of run".ljust(22) + "".join(way.rjust(11) for way in WAYS), *rows, last])
+
+
+def main(count=240, seed=1, part=0, parts=1):
+    """Print the table, of one part of several that run side by side; return 1 where something was wrong."""
     every, ran, hit, bad = cases(), collections.Counter(), collections.Counter(), 0
-    drawn = random.Random(int(seed)).sample(every, min(int(count), len(every)))
+    drawn = random.Random(int(seed)).sample(every, min(int(count), len(every)))[int(part)::int(parts)]
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)
         os.environ["HEATERTUNE_STATE"] = str(root / "state")
@@ -243,12 +250,9 @@ def main(count=240, seed=1):
             bad += bool(wrong)
             for each in wrong:
                 print(f"{command}, step {number}, {way}: {each}", flush=True)
-            if index % 40 == 39:
-                print(f"{index + 1} cases, {bad} wrong", flush=True)
-    print("struck of run".ljust(22) + "".join(way.rjust(11) for way in WAYS))
-    for command in STEPS:
-        print(command.ljust(22) + "".join(f"{hit[command, way]}/{ran[command, way]}".rjust(11) for way in WAYS))
-    print(f"{len(drawn)} cases, {sum(hit.values())} struck while the command ran, {bad} wrong")
+            if index % 10 == 9:
+                print(table(ran, hit, bad), flush=True)
+    print(table(ran, hit, bad))
     return int(bool(bad))
 
 
