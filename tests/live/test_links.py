@@ -441,10 +441,10 @@ def test_each_way_to_end_a_live_command_at_some_step_leaves_what_was_there_or_th
              for one in random.Random(4).sample([each for each in signal_table.cases() if each[0] == command], 3)]
     folders = {target: signals.folder_in(tmp_path / target, target) for target in ("weg", "s5-ob251")}
     struck = 0
-    for index, (command, number, way) in enumerate(drawn):
+    for index, drawn_case in enumerate(drawn):
         (place := tmp_path / str(index)).mkdir()
-        wrong, hit = signal_table.case(command, number, way, folders, place)
-        assert not wrong, (command, number, way)
+        wrong, hit = signal_table.case(*drawn_case, folders, place)
+        assert not wrong, drawn_case
         struck += hit
     assert len(drawn) == 21
     assert struck >= 12

@@ -19,7 +19,7 @@ def documents(which):
     """Return documents of a design that differ from those of another one."""
     made = {name: {"schema": schema, "of": which, "numbers": [1.5, 1e-7, 3]} for name, schema in PARTS.items()}
     made["log"]["taken"] = {"line": f"{which}: 240 rows"}
-    made["model"]["log_summary"] = [f"{which}: 240 rows"]
+    made["model"] |= {"log_summary": [f"{which}: 240 rows"], "residuals": None}
     return made
 
 
@@ -61,6 +61,22 @@ def test_a_log_that_the_model_was_not_fitted_to_is_told_though_the_digest_is_com
     write(tmp_path, mixed, folder_digest(mixed) if digest else None)
     assert "log.json: '" in digest_problem(tmp_path)
     assert "the model was fitted to" in digest_problem(tmp_path)
+
+
+@pytest.mark.parametrize(("more", "left", "told"), [
+    ({}, 0.05, True), ({"disturbance": {}}, 0.05, False), ({"residuals": None}, 0.05, False), ({}, 3.0, False)])
+def test_readings_that_the_model_was_not_fitted_to_are_told_though_their_file_was_read_alike(tmp_path, more, left, told):
+    """2 °C apart at each row, where the fit leaves 0.05 °C over; where it leaves 3 °C, nobody can say."""
+    found, time_s = documents("one"), [5.0 * k for k in range(200)]
+    measured = [20.0 + 0.1 * k for k in range(200)]
+    found["log"] |= {"time_s": time_s, "temperature_degC": measured}
+    found["model"] |= {"residuals": {"time_s": time_s[:120], "measured_degC": measured[:120],
+                                     "simulated_degC": [each + left for each in measured[:120]]}} | more
+    write(tmp_path, found, folder_digest(found))
+    assert digest_problem(tmp_path) == ""
+    found["log"]["temperature_degC"] = [each + 2.0 for each in measured]
+    write(tmp_path, found, folder_digest(found))
+    assert ("its readings differ by 2 °C" in digest_problem(tmp_path)) == told
 
 
 def test_a_folder_without_a_digest_is_read_and_an_export_into_one_keeps_the_digests_of_log_and_model(tmp_path):

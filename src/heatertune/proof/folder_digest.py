@@ -7,9 +7,12 @@ parameters are proven again before they leave, as those of any folder are.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
+
+import numpy as np
 
 from heatertune.codec import Document, EarlierDocument, decode, read_document, register_schema, schema_of
 from heatertune.errors import DocumentError
@@ -26,6 +29,9 @@ DIGEST_SCHEMA: Final = "heatertune/digest/1"
 _SCHEMAS: Final[Mapping[str, str]] = {
     "log": str(schema_of(LogView)), "model": model_document.SCHEMA, "pid": design_document.SCHEMA,
     "words": WORDS_SCHEMA, "proof": PROOF_SCHEMA}
+#: readings of two logs differ by more than a fit leaves over (rms, times), and than documents round [°C]
+_APART: Final = 2.0
+_LEAST_DEGC: Final = 1e-3
 #: that an export writes; log and model stay where `design` wrote them
 _EXPORTED: Final = ("pid", "words", "proof")
 
@@ -84,11 +90,33 @@ def digest_problem(folder: Path) -> str:
             return (f"{folder / DIGEST_FILE}: {name}.json is not the one of this design: it was changed, is gone, or "
                     "is of another design")
     log, model = (_read(folder, name) for name in ("log", "model"))
-    fitted_to = [] if model is None else model.get("log_summary") or []
-    read = None if log is None else (log.get("taken") or {}).get("line")
-    if read is not None and fitted_to and read not in fitted_to:
-        return f"{folder / 'log.json'}: {read!r}; the model was fitted to {fitted_to[0]!r}"
+    if log is None or model is None:
+        return ""
+    with suppress(KeyError, TypeError, ValueError):  # damaged: who reads them tells it
+        fitted_to, read = model["log_summary"], log["taken"]["line"]
+        if fitted_to and read not in fitted_to:
+            return f"{folder / 'log.json'}: {read!r}; the model was fitted to {fitted_to[0]!r}"
+        if len(fitted_to) == 1 and (apart_degC := _apart_degC(log, model)):
+            return (f"{folder / 'log.json'}: its readings differ by {apart_degC:.2g} °C (rms) from those that the model "
+                    "was fitted to")
     return ""
+
+
+def _apart_degC(log: Document, model: Document) -> float:
+    """Return how far the readings of a log are from those of a model's residuals, rms [°C]; 0 where they are the same.
+
+    What a fit corrects before (a disturbance, a cooler) is not comparable. Raises KeyError, TypeError or ValueError
+    where a document is damaged.
+    """
+    found = model["residuals"]
+    if found is None or model.get("disturbance") is not None or log.get("cooling_pct") is not None:
+        return 0.0
+    time_s, measured, simulated = (np.asarray(found[name], dtype=float)
+                                   for name in ("time_s", "measured_degC", "simulated_degC"))
+    rows = (np.asarray(log[name], dtype=float) for name in ("time_s", "temperature_degC"))
+    apart, left = (float(np.sqrt(np.mean(each**2))) for each in (np.interp(time_s, *rows) - measured,
+                                                                measured - simulated))
+    return apart if apart > _LEAST_DEGC + _APART * left else 0.0
 
 
 def _stored(folder: Path) -> FolderDigest | None:
