@@ -97,8 +97,8 @@ def digest_problem(folder: Path) -> str:
         if fitted_to and read not in fitted_to:
             return f"{folder / 'log.json'}: {read!r}; the model was fitted to {fitted_to[0]!r}"
         if len(fitted_to) == 1 and (apart_degC := _apart_degC(log, model)):
-            return (f"{folder / 'log.json'}: its readings differ by {apart_degC:.2g} °C (rms) from those that the model "
-                    "was fitted to")
+            return (f"{folder / 'log.json'}: its readings differ by {apart_degC:.2g} °C (rms) from those that the "
+                    "model was fitted to")
     return ""
 
 
@@ -113,8 +113,8 @@ def _apart_degC(log: Document, model: Document) -> float:
         return 0.0
     time_s, measured, simulated = (np.asarray(found[name], dtype=float)
                                    for name in ("time_s", "measured_degC", "simulated_degC"))
-    rows = (np.asarray(log[name], dtype=float) for name in ("time_s", "temperature_degC"))
-    apart, left = (float(np.sqrt(np.mean(each**2))) for each in (np.interp(time_s, *rows) - measured,
+    at_s, degC = (np.asarray(log[name], dtype=float) for name in ("time_s", "temperature_degC"))
+    apart, left = (float(np.sqrt(np.mean(each**2))) for each in (np.interp(time_s, at_s, degC) - measured,
                                                                 measured - simulated))
     return apart if apart > _LEAST_DEGC + _APART * left else 0.0
 
