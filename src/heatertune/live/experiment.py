@@ -10,7 +10,7 @@ PLC finds the saved values: see `heatertune.live.hold`.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -217,12 +217,16 @@ class Experiment:
         self.has_dead_man = own is not None and bool(own.status & GUARDED)
         mode = "manual" if self.mode.block.in_manual(image) else "automatic"
         dead_man = "dead man: the simulator's, by its heartbeat" if self.has_dead_man else "no dead man is known here"
-        rise = () if self.reach is None else (
-            f"stops where the temperature rises by more than {60.0 * self.reach.rate_degC_per_s:.3g} °C/min, twice as "
-            "fast as the fastest plausible heater at full power",)
-        wrote = self.budget.counts()[_MANUAL]
-        worn = (f"manual was written {wrote} times from here before",) if wrote else ()
-        return f"the block holds the words of {self._words.target}", f"{mode}, {degC:.2f} °C", dead_man, *rise, *worn
+        return (f"the block holds the words of {self._words.target}", f"{mode}, {degC:.2f} °C", dead_man,
+                *self._limits_found())
+
+    def _limits_found(self) -> Iterator[str]:
+        """Yield at which rise it stops, and how often manual was written from here."""
+        if self.reach is not None:
+            yield (f"stops where the temperature rises by more than {60.0 * self.reach.rate_degC_per_s:.3g} °C/min, "
+                   "twice as fast as the fastest plausible heater at full power")
+        if wrote := self.budget.counts()[_MANUAL]:
+            yield f"manual was written {wrote} times from here before"
 
     def _demand_mode(self, image: bytes) -> None:
         """Refuse a mode that nobody has said: an experiment from elsewhere may have left it."""

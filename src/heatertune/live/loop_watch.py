@@ -267,8 +267,7 @@ class BandWatch:
             return
         power = look.signals.get("power", math.nan)
         self.seen.frozen = self._still.see(look.time_s, degC, power) or self.seen.frozen
-        rise, hot = self._rise.see(look.time_s, degC), highest_message(self._proven, degC)
-        self.seen.alarm = self.seen.alarm or hot or rise
+        self._note_alarm(look.time_s, degC)
         if self._band is None or abs(asked - self._band.setpoint_degC) > _SAME_DEGC:
             # who comes to a loop, or sees its setpoint move before it has settled, does not know where it is in its way
             mid_way = self._band is None or look.time_s - self._since_s < self._band.settles_s
@@ -283,6 +282,11 @@ class BandWatch:
         if self._row >= _IN_A_ROW:
             self._outside(look.time_s)
         self._at_rest(look, degC)
+
+    def _note_alarm(self, time_s: float, degC: float) -> None:
+        """Take note of the first reading that is too high, or rises too fast."""
+        rise, hot = self._rise.see(time_s, degC), highest_message(self._proven, degC)
+        self.seen.alarm = self.seen.alarm or hot or rise
 
     def _note_change(self, look: Snapshot) -> None:
         """Take note of how long nothing has changed; a PLC that has begun to count again is new."""

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -50,7 +50,7 @@ class FolderDigest:
     digest: str
 
 
-def folder_digest(documents: Mapping[str, Document], earlier: Path | None = None) -> dict[str, Any]:
+def folder_digest(documents: Mapping[str, Document], earlier: Path | None = None) -> Document:
     """Return the document of the digest over documents that belong together.
 
     Args:
@@ -89,9 +89,12 @@ def digest_problem(folder: Path) -> str:
         if name not in _SCHEMAS or _digest_in(folder, name) != digest:
             return (f"{folder / DIGEST_FILE}: {name}.json is not the one of this design: it was changed, is gone, or "
                     "is of another design")
-    log, model = (_read(folder, name) for name in ("log", "model"))
-    if log is None or model is None:
-        return ""
+    return _other_log(folder)
+
+
+def _other_log(folder: Path) -> str:
+    """Return that the model of a folder was fitted to another log than is there; nothing where it was not."""
+    log, model = _read(folder, "log") or {}, _read(folder, "model") or {}
     with suppress(KeyError, TypeError, ValueError):  # damaged: who reads them tells it
         fitted_to, read = model["log_summary"], log["taken"]["line"]
         if fitted_to and read not in fitted_to:
@@ -131,7 +134,7 @@ def _stored(folder: Path) -> FolderDigest | None:
     return view
 
 
-def _read(folder: Path, name: str) -> dict[str, Any] | None:
+def _read(folder: Path, name: str) -> Document | None:
     path = folder / f"{name}.json"
     return read_document(path, _SCHEMAS[name]) if path.is_file() else None
 

@@ -153,11 +153,9 @@ class RiseWatch:
             self._latest.popleft()
         since_s, from_degC = self._latest[0] if self._latest else (time_s, degC)
         highest = self._reach.at(from_degC, time_s - since_s)[1]
-        if degC <= highest:
-            self._row = 0
+        self._row = 0 if degC <= highest else self._row + 1
+        if not self._row:
             self._latest.append((time_s, degC))
-            return ""
-        self._row += 1
         return "" if self._row < _IN_A_ROW else (
             f"the temperature has risen from {from_degC:.4g} to {degC:.4g} °C within {time_s - since_s:.3g} s: "
             f"{_FASTER:g} times as fast as the fastest plausible heater, at full power, gets to {highest:.4g} °C")
