@@ -1,10 +1,11 @@
 """Forged folders, and results planted in the cache of a forged folder: none is exported, none written.
 
-    python -m tests.bench.forgeries [folders | plants]
+    python -m tests.bench.forgeries [folders | plants | swaps]
 
 A forger knows the program and computes every digest that needs no secret. 26 forged folders are those of `tests.live.test_trust`. For the
 plants, design, words and results of a folder are changed together (five times the gain, with results that pass), and what the honest proof
-of these words left in the cache is replaced by the forged proof, in 18 ways. Judged by the files that come to be and by the registers of
+of these words left in the cache is replaced by the forged proof, in 18 ways. Swaps: every mixture of log, model, design, words and proof of
+two designs, with the digest of one of them, of the other, computed again, or without one. Judged by the files that come to be and by the registers of
 `tests.live.modbus_device`.
 """
 
@@ -12,6 +13,7 @@ import contextlib
 import hashlib
 import hmac
 import io
+import itertools
 import json
 import os
 import re
@@ -23,6 +25,7 @@ from pathlib import Path
 from heatertune.cli import main as command
 from heatertune.live.write import plc_block
 from tests.bench import sessions
+from tests.conftest import heater_log
 from tests.live.conftest import hasty_clock
 from tests.live.test_trust import FORGERIES, device, documents, forged
 
@@ -165,6 +168,71 @@ def of_plants(made, place, state, which=range(18)):
     return count, wrong
 
 
+PARTS = ("log", "model", "pid", "words", "proof")
+DIGESTS = ("kept", "other", "computed again", "none")
+
+
+def whole_folder(place, gain):
+    """Return a folder as `design` writes it, of a log of its own."""
+    place.mkdir()
+    log = place / "log.csv"
+    log.write_text(heater_log(gain, 7), encoding="utf-8")
+    status, said = quietly("design", log, "--target", "s5-ob251", "--setpoint", 50, "-o", place / "out", "--quiet")
+    assert status == 0, said
+    return place / "out"
+
+
+def mixtures():
+    """Yield the names of the documents that are taken from the other design."""
+    for count in range(1, len(PARTS)):
+        yield from itertools.combinations(PARTS, count)
+
+
+def mixed(one, other, names, digest, place):
+    """Return a copy of a folder with documents of another design, and the digits that its proof begins with."""
+    folder = place / "mixed"
+    shutil.copytree(one, folder)
+    for name in names:
+        shutil.copy(other / "data" / f"{name}.json", folder / "data")
+    file = folder / "data" / "digest.json"
+    if digest == "other":
+        shutil.copy(other / "data" / "digest.json", file)
+    elif digest == "computed again":  # as `digest_of` says, in words of our own
+        found = {name: sha256(json.loads((folder / "data" / f"{name}.json").read_text())) for name in PARTS}
+        document = {"schema": "heatertune/digest/1", "documents": found}
+        file.write_text(json.dumps(document | {"digest": sha256(document)}))
+    elif digest == "none":
+        file.unlink()
+    return folder, json.loads((folder / "data" / "proof.json").read_text())["digest"].partition(":")[2][:8]
+
+
+def sha256(document):
+    """Return the digest of a document: of its JSON without spaces, its keys in order."""
+    return f"sha256:{hashlib.sha256(json.dumps(document, sort_keys=True, separators=(',', ':')).encode()).hexdigest()}"
+
+
+def of_swaps(made, place):
+    """Try the mixtures; return how many, and what is wrong."""
+    one, other = (whole_folder(place / name, gain) for name, gain in (("one", 0.9), ("other", 0.75)))
+    own = json.loads((one / "data" / "digest.json").read_text())
+    assert own["documents"] == {name: sha256(json.loads((one / "data" / f"{name}.json").read_text())) for name in PARTS}
+    (here := place / "whole").mkdir()
+    shutil.copytree(one, here / "copy")
+    yes = json.loads((one / "data" / "proof.json").read_text())["digest"].partition(":")[2][:8]
+    assert leaks(made, here / "copy", yes, here), "the whole folder is exported, so that what was mixed is what is refused"
+    wrong, count = [], 0
+    for names in mixtures():
+        for digest in DIGESTS:
+            (here := place / f"swap{count}").mkdir()
+            folder, yes = mixed(one, other, names, digest, here)
+            found = leaks(made, folder, yes, here)
+            if found:
+                print(f"swap {', '.join(names)}, digest {digest}: {found}", flush=True)
+            wrong, count = wrong + found, count + 1
+            shutil.rmtree(here)
+    return count, wrong
+
+
 def main(kind=""):
     """Try them; return 1 where one is exported or written."""
     plc_block.HOST = hasty_clock()
@@ -175,8 +243,10 @@ def main(kind=""):
         made = sessions.folder_in(place / "made")
         quietly("export-db", made / "data" / "words.json", "--target", "s5-ob251", "-o", place / "again", "--quiet")
         bad = []
-        for name, run in (("folders", lambda: of_folders(made, place)), ("plants", lambda: of_plants(made, place, state))):
+        for name, run in (("folders", lambda: of_folders(made, place)), ("plants", lambda: of_plants(made, place, state)),
+                          ("swaps", lambda: of_swaps(made, place / "swaps"))):
             if kind in ("", name):
+                (place / "swaps").mkdir(exist_ok=True)
                 count, wrong = run()
                 print(f"{count} forged {name}: {sum(each[:8] == 'exported' for each in wrong)} exported, "
                       f"{sum(each[:7] == 'written' for each in wrong)} written", flush=True)

@@ -18,6 +18,10 @@ from heatertune.live.experiment import Experiment, ExperimentObserver, restore
 from heatertune.live.hold import Clock, Hold, WayBackPart, new_way_back
 from heatertune.live.poller import Poller
 from heatertune.live.schedule import AbortLimits, Steps
+from heatertune.live.write.band import Reach
+from heatertune.live.write.plc_block import LinkSettings, Peer, block_image
+from heatertune.live.write.write_record import Budget, WriteRecord
+from heatertune.live.write.writer import WriteOutcome, Writer
 from heatertune.plc import controller_for
 
 #: of a WEG block in the manual's order: ManualSetPoint and SelectSetPoint, Feedback
@@ -316,3 +320,58 @@ def test_what_a_dead_write_left_is_named_with_its_record_or_brought_back_without
     assert died.message().endswith(f"heatertune experiment --restore {address(weg).text}")
     assert restore(address(weg)) is True
     assert bytes(weg.memory[24:28]) == part.before
+
+
+def test_words_on_both_sides_of_one_that_somebody_has_changed_go_back_one_by_one_each_after_a_look(weg, tmp_path):
+    """Kp, Ki and Kd went in one request; Ki is somebody's since, and Kd becomes so while Kp goes back (session 176 of seed 17)."""
+    places = {"Kp": 24, "Ki": 28, "Kd": 32}  # bytes of the manual's order, a REAL each
+    words, clock, where = words_of("weg"), hasty_clock(), address(weg)
+    image = block_image(words, where, {})
+    before = dict.fromkeys(places, 1.0)
+    with Peer(where, image, words.sample_time_s, LinkSettings(clock=clock)) as peer, WriteRecord(tmp_path / "r.jsonl") as record:
+        for at in places.values():
+            weg.memory[at:at + 4] = struct.pack(">f", 1.0)
+        content = peer.look().content
+        after = image.values(content) | dict.fromkeys(places, 2.0)
+        part, = image.parts(content, after)
+        assert (part.names, part.start) == (tuple(places), 24)
+        weg.memory[24:36] = part.after
+        weg.memory[28:32] = struct.pack(">f", 77.0)
+        looks = []
+
+        def stored(first, data):
+            looks.append(weg.reads)
+            weg.memory[32:36] = struct.pack(">f", 88.0)
+            return data
+
+        weg.stored = stored
+        hold = Hold(where, clock)
+        hold.open(new_way_back("write", where, 1, [WayBackPart(part.start, part.before, {part.after})], "r.jsonl"))
+        ended = Writer(peer, hold, record, Budget(where, 1)).restore([part], {**after, **before}, after, "asked for")
+    assert struct.unpack_from(">3f", weg.memory, 24) == (1.0, 77.0, 88.0)
+    assert [(2 * first, len(data)) for first, data in weg.writes] == [(24, 4)]
+    assert ended.outcome is WriteOutcome.ROLLED_BACK
+    assert "somebody has changed the words: Ki is 77, not 1, Kd is 88, not 1" in ended.message
+
+
+def test_a_rise_that_no_plausible_heater_makes_ends_an_experiment_and_its_writes_are_counted(weg, heater, tmp_path):
+    """At full power twice the heater rises by 2 · 0.9 · 121 / 167 = 1.3 °C/s at most; here by more at some looks a second."""
+    reads = []
+
+    def rising(first, data):
+        at = FEEDBACK - 2 * first
+        if not 0 <= at <= len(data) - 4:
+            return data
+        reads.append(1)
+        return data[:at] + struct.pack(">f", min(40.0 + 0.2 * len(reads) ** 1.5, 79.0)) + data[at + 4:]
+
+    weg.answered = rising
+    limits = AbortLimits(temperature_degC=80.0)
+    whole = Experiment(PLAN, address(weg), words_of("weg"), limits, timeout_s=0.5, reach=Reach(words_of("weg"), heater, 0.0))
+    ended = whole.run(tmp_path / "log.csv")
+    assert (ended.reason, ended.restored) == ("rate", True)
+    assert "2 times as fast as the fastest plausible heater, at full power" in ended.message
+    assert weg.memory[BY_HAND] == AUTOMATIC
+    assert whole.budget.counts()["manual"] >= 1
+    del reads[:]
+    assert any("manual was written" in found for found in whole.check())

@@ -20,7 +20,7 @@ from contextlib import contextmanager
 from types import SimpleNamespace
 
 import pytest
-from tests.bench import cuts, signals
+from tests.bench import cuts, signal_table, signals
 from tests.bench.gateway import Gateway
 from tests.bench.outage import Door, Experiment, Network, why_not
 from tests.live.conftest import PROTOCOLS, words_of
@@ -432,6 +432,22 @@ def test_a_network_that_is_cut_at_a_request_leaves_what_is_reported(tmp_path, mo
         assert not wrong, cut
         hit += bool(at)
     assert hit >= 8
+
+
+@pytest.mark.long(seconds=90)
+def test_each_way_to_end_a_live_command_at_some_step_leaves_what_was_there_or_the_command_that_brings_it_back(tmp_path):
+    """`python -m tests.bench.signal_table` makes 470: each step, SIGINT, SIGTERM, SIGHUP, a closed terminal and a closed pipe."""
+    drawn = [one for command in signal_table.STEPS
+             for one in random.Random(4).sample([each for each in signal_table.cases() if each[0] == command], 3)]
+    folders = {target: signals.folder_in(tmp_path / target, target) for target in ("weg", "s5-ob251")}
+    struck = 0
+    for index, drawn_case in enumerate(drawn):
+        (place := tmp_path / str(index)).mkdir()
+        wrong, hit = signal_table.case(*drawn_case, folders, place)
+        assert not wrong, drawn_case
+        struck += hit
+    assert len(drawn) == 21
+    assert struck >= 12
 
 
 @pytest.mark.long(seconds=40)

@@ -3,6 +3,7 @@
 import math
 import random
 import struct
+from dataclasses import replace
 
 import pytest
 from tests.bench import sessions
@@ -15,7 +16,7 @@ from heatertune.live.loop_watch import BandWatch
 from heatertune.live.poller import Snapshot as Seen
 from heatertune.live.poller import StillSensor, reading_problem
 from heatertune.live.schedule import AbortLimits, Steps
-from heatertune.live.write.band import watch_response
+from heatertune.live.write.band import Reach, RiseWatch, watch_response
 from heatertune.live.write.plc_block import BlockSnapshot, block_image
 from heatertune.live.write.proven_words import read_proven
 from heatertune.live.write.write_record import WriteRecord
@@ -259,3 +260,49 @@ def test_an_experiment_asks_for_no_more_power_than_the_words(proven):
                               values={**proven.words.values, "MaximumOutput": 50.0})
     with pytest.raises(InputError, match=r"the plan goes to 60 %, .* never ask for more than 50 %: plan again with --power 0 50"):
         Experiment(plan, where, held, limits)
+
+
+@pytest.mark.parametrize("faster", [1.0, 1.8, 2.6, 5.0])
+def test_a_rise_is_too_fast_where_a_heater_would_have_to_be_more_than_twice_as_fast_as_the_fastest(proven, faster):
+    """Full power, and 21 % more by mains of +10 %, from the room's temperature on: a lag in Euler's steps; twice as fast, 2 · 0.9 · 121 °C / 167 s = 78 °C/min."""
+    reach = Reach.from_proof(proven)
+    assert reach.rate_degC_per_s == pytest.approx(2.0 * 0.9 * 121.0 / sessions.LAG_S)
+    rise, degC, told = RiseWatch(reach), 22.0, []
+    for number in range(1200):
+        if number % 20 == 0:
+            told.append(rise.see(0.1 * number, round(degC, 1)))
+        degC += 0.1 * faster / sessions.LAG_S * (22.0 + 0.9 * 121.0 - degC)
+    assert any(told) == (faster > 2.0)
+
+
+def test_a_disturbed_reading_a_gap_and_a_plc_that_counts_again_are_no_rise(proven):
+    rise = RiseWatch(Reach.from_proof(proven))
+    rows = [(0.0, 40.0), (2.0, 70.0), (4.0, 40.1), (604.0, 75.0), (1.0, 30.0), (3.0, 30.1)]
+    assert [rise.see(*row) for row in rows] == [""] * 6
+    assert "has risen from 30 to 60 °C within 2 s" not in rise.see(3.5, 60.0)
+    assert "the temperature has risen from 30 to 60.1 °C within 4 s" in rise.see(5.0, 60.1)
+
+
+def limited(proven, degC):
+    """Return words whose specification names a highest temperature."""
+    return replace(proven, conditions=replace(proven.conditions, limit=(*proven.conditions.limit, f"peak={degC:g} degC")))
+
+
+def test_a_watch_after_a_write_takes_back_at_the_highest_temperature_though_the_band_reaches_farther(proven, tmp_path):
+    def shows(at):
+        return 50.0 + 0.3 * math.sin(at), 31.0
+
+    assert not ended(proven, tmp_path, shows).outside
+    seen = ended(limited(proven, 50.2), tmp_path, shows)
+    assert "the specification or interlock allows less than 50.2 °C" in seen.outside
+    assert not ended(limited(proven, 50.4), tmp_path, shows).outside
+
+
+def test_a_watch_tells_the_highest_temperature_and_a_rise_that_no_heater_makes(proven):
+    rows = [(2.0 * k, 50.0 + 0.3 * math.sin(2.0 * k), 31.0) for k in range(400)]
+    assert watched_from(proven, rows, 0.0).well
+    hot = watched_from(limited(proven, 50.2), rows, 0.0)
+    assert not hot.well
+    assert "allows less than 50.2 °C" in hot.notes()[0]
+    fast = [(at, degC + max(0.0, at - 400.0) * 3.0 if at < 412.0 else degC, power) for at, degC, power in rows]
+    assert any("2 times as fast" in note for note in watched_from(proven, fast, 0.0).notes())

@@ -16,6 +16,7 @@ from tests.live.modbus_device import Device
 
 from heatertune.cli import main
 from heatertune.live.write.write_record import read_lines
+from heatertune.proof.folder_digest import DIGEST_FILE, folder_digest
 from heatertune.proof.proof_document import with_digest
 
 #: manual, table 11-11: K DW1, TI DW5, W DW9, X DW22; words of 16 bits, the high byte first
@@ -48,6 +49,7 @@ def forged(made, tmp_path, change):
     found["proof"] = with_digest(found["proof"])
     for name, document in found.items():
         (folder / "data" / f"{name}.json").write_text(json.dumps(document))
+    (folder / "data" / DIGEST_FILE).write_text(json.dumps(folder_digest(found)))
     return folder, found["proof"]["digest"].partition(":")[2][:8]
 
 

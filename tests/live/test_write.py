@@ -385,7 +385,7 @@ def test_one_disturbed_reading_after_the_write_begins_no_band(plant, monkeypatch
 def test_no_heater_leaves_its_reach_and_a_jump_does(made):
     # Euler's steps of two lags in either order, whatever the inner one is filled with, at +10 % of the voltage and at none
     proven = read_proven(made)
-    reach = Reach(proven)
+    reach = Reach.from_proof(proven)
     for outer, inner, filled, power in itertools.product((167.0, 40.0), (167.0, 40.0), (22.0, 50.0, 22.0 + 0.9 * 121.0), (0.0, 121.0)):
         if outer == inner:
             continue

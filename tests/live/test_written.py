@@ -34,6 +34,7 @@ def made(tmp_path_factory):
     write_report(read_log(log), fitted, design, prove(encode(design, "s5-ob251"), fitted, setpoint_degC=50.0), folder)
     for name in ("words.json", "proof.json"):
         shutil.copy(exported / "data" / name, folder / "data" / name)
+    (folder / "data" / "digest.json").unlink()  # as of an earlier release: these are documents of two designs
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("HEATERTUNE_STATE", str(place / "state"))
         return folder, records.record_in(folder).read_bytes()

@@ -34,6 +34,7 @@ from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Scaling, Words, controller_for
 from heatertune.plc.ramp import Boost, Ramp
 from heatertune.proof import Proof
+from heatertune.proof.folder_digest import demand_one_design
 from heatertune.proof.proof_document import ComparisonView, LogView, PicturesView, ProofView, TakenView, check_document
 from heatertune.proof.repetition import demand_consistent
 from heatertune.proof.verdict import FIRST, PROOF_SCHEMA, verdict_first
@@ -298,6 +299,7 @@ def read_documents(folder: str | Path) -> dict[str, dict[str, Any]]:
         raise DocumentError(f"{directory / 'words.json'}: verdict: {own!r}; proof.json next to it says {proven!r}: "
                             "export the parameters again (heatertune export-db)")
     demand_consistent(directory, documents)
+    demand_one_design(directory, "design again")
     return documents
 
 

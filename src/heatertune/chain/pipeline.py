@@ -50,6 +50,7 @@ from heatertune.proof.comparison import paper_runs, price_of_doubt, rivals
 from heatertune.proof.design_request import DesignRequest, DesignResult
 from heatertune.proof.difference import WRITTEN_SCHEMA, WriteHistory
 from heatertune.proof.feed_forward_check import FeedForwardProof, PlainLoop, prove_feed_forward
+from heatertune.proof.folder_digest import DIGEST_FILE, demand_one_design, folder_digest
 from heatertune.proof.heaters import holding_heaters
 from heatertune.proof.pictures import pictures, proven_heaters, robustness
 from heatertune.proof.proof_document import ComparisonView, ProofView, check_document
@@ -161,6 +162,7 @@ def feed_forward(
         NotRepresentable, OutOfRange: the input cannot hold the line.
     """
     asked, folder = merge_options(FeedForwardSettings, settings, {}), data_folder(directory)
+    demand_one_design(folder, "design again")
     effect = _effect(folder)
     document = check_document(read_document(folder / "proof.json", PROOF_SCHEMA), folder / "proof.json")
     demand_same_words(read_document(folder / "words.json", WORDS_SCHEMA), document, folder / "proof.json")
@@ -484,6 +486,7 @@ def _write(
 ) -> list[Path]:
     written = {f"{name}.json": to_json(document) for name, document in documents.items()}
     moved = {f"{DATA}/{name}": content for name, content in written.items()}
+    moved[f"{DATA}/{DIGEST_FILE}"] = to_json(folder_digest(documents))
     drawn = None if second is None else second.sections()
     return write_files(out, {**files, "report.html": _page(documents, drawn), **moved}, gone=written)
 

@@ -195,6 +195,7 @@ def add_export_db(commands: Any) -> None:
 
 
 def _run_export_db(settings: argparse.Namespace) -> int:
+    from heatertune.proof.folder_digest import DIGEST_FILE, folder_digest
     from heatertune.proof.verdict import verdict_line
     from heatertune.proof.words_file import export_first
 
@@ -207,6 +208,8 @@ def _run_export_db(settings: argparse.Namespace) -> int:
         documents["pid.json"] = to_json(proven["pid"])
     else:  # that of other words must not lie next to these
         gone.append(f"{DATA}/pid.json")
+    together = {name: proven[name] for name in ("pid", "words", "proof") if proven[name] is not None}
+    documents[DIGEST_FILE] = to_json(folder_digest(together, Path(settings.out) / DATA))
     moved = {f"{DATA}/{name}": content for name, content in documents.items()}
     written = write_files(settings.out, {**proven["files"], **moved}, gone=gone)
     names = "\n".join(str(path) for path in written)

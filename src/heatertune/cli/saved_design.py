@@ -108,6 +108,7 @@ def proof_source(settings: argparse.Namespace) -> ProofSource:
         InputError: the file holds no model and none is given by hand; words of another target; as `in_force`.
         NotRepresentable, OutOfRange: the words do not fit.
     """
+    from heatertune.proof.folder_digest import digest_problem
     from heatertune.proof.repetition import made_again
     from heatertune.proof.words_file import read_words
 
@@ -116,6 +117,8 @@ def proof_source(settings: argparse.Namespace) -> ProofSource:
     if words is not None:
         words = replace(words, boost=None) if by.boost == "none" else words
         model, sources = _model_of_words(settings)
+        if sources and (problem := digest_problem(Path(settings.pid).parent)):
+            sources = (*sources, f"{problem}.")
         return ProofSource(words=words, choice=None, fitted_model=model, conditions=common.conditions(settings),
                            ramp=ramp, notes=sources)
     design, fitted, kept = common.design_and_model(settings)

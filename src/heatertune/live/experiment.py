@@ -10,7 +10,7 @@ PLC finds the saved values: see `heatertune.live.hold`.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -26,8 +26,10 @@ from heatertune.live.poller import Snapshot, StillSensor
 from heatertune.live.recorder import RecordingSetup, RecordingState, record
 from heatertune.live.schedule import RATE_ROWS, AbortLimits, Aims, RelaySchedule, Steps
 from heatertune.live.simulator_status import GUARDED, OWN, OWN_CELLS, RUNS
+from heatertune.live.write.band import Reach, RiseWatch
 from heatertune.live.write.plc_block import block_image
-from heatertune.model.model_values import FittedModel, HeaterModel
+from heatertune.live.write.write_record import Budget
+from heatertune.model.model_values import FittedModel
 from heatertune.plc import Words, controller_for
 from heatertune.plc.keyed_entry import value_texts
 
@@ -98,6 +100,8 @@ class ManualMode:
 
 
 _SAME_PCT: Final = 1e-6
+#: as what a change of mode and power is counted
+_MANUAL: Final = "manual"
 #: so long nobody may look [s], however busy the machine is
 _ASLEEP_S: Final = 10.0
 #: by how much every plausible heater must have moved before a reading that stands still is frozen
@@ -153,14 +157,15 @@ class Experiment:
         mode: mode and manual value of the controller.
         sensor_degC: both ends of the sensor's range [°C].
         has_dead_man: whether `check` has found one.
+        budget: that counts what is written there.
         hold: on the PLC, and the clock.
         timeout_s: after which an answer is lost [s].
-        heaters: that are plausible; none: a frozen sensor is not told.
+        reach: of the plausible heaters; None: neither a frozen sensor nor a rise that is too fast is told.
     """
 
     def __init__(self, plan: Steps | RelaySchedule, address: Address, words: Words, limits: AbortLimits, *,
                  timeout_s: float = 1.0, pwm_period_s: float | None = None, in_manual: bool = False,
-                 heaters: Sequence[HeaterModel] = ()) -> None:
+                 reach: Reach | None = None) -> None:
         """Prepare; nothing is asked of the PLC yet.
 
         Args:
@@ -171,19 +176,21 @@ class Experiment:
             timeout_s: after which an answer is lost [s].
             pwm_period_s: of the heater's switch, for the log; None where nobody knows [s].
             in_manual: whether the controller is in manual before, and is to be so afterwards.
-            heaters: that are plausible, to tell a frozen sensor; none: it is not told.
+            reach: of the plausible heaters, to tell a frozen sensor and a rise that none of them makes; None: neither
+                is told.
 
         Raises:
             InputError: the controller's block is not known, or has no manual mode; a power of the plan is more than
                 the words' largest output.
         """
         _demand_proven_power(plan, words)
-        self.heaters = tuple(heaters)
+        self.reach = reach
         self.mode, self._standing = ManualMode(address, words, timeout_s), block_image(words, address, {})
         self.plan, self._words, self.limits = plan, words, limits
         self._recording = RecordingSetup(timeout_s=timeout_s, pwm_period_s=pwm_period_s)
         self.sensor_degC, self.has_dead_man = words.scaling.sensor_degC, False
         self._in_manual, self.hold, self.timeout_s = in_manual, Hold(address), timeout_s
+        self.budget = Budget(address, self.mode.place[0])
 
     def check(self) -> tuple[str, ...]:
         """Return what was found, one sentence each.
@@ -210,7 +217,16 @@ class Experiment:
         self.has_dead_man = own is not None and bool(own.status & GUARDED)
         mode = "manual" if self.mode.block.in_manual(image) else "automatic"
         dead_man = "dead man: the simulator's, by its heartbeat" if self.has_dead_man else "no dead man is known here"
-        return f"the block holds the words of {self._words.target}", f"{mode}, {degC:.2f} °C", dead_man
+        return (f"the block holds the words of {self._words.target}", f"{mode}, {degC:.2f} °C", dead_man,
+                *self._limits_found())
+
+    def _limits_found(self) -> Iterator[str]:
+        """Yield at which rise it stops, and how often manual was written from here."""
+        if self.reach is not None:
+            yield (f"stops where the temperature rises by more than {60.0 * self.reach.rate_degC_per_s:.3g} °C/min, "
+                   "twice as fast as the fastest plausible heater at full power")
+        if wrote := self.budget.counts()[_MANUAL]:
+            yield f"manual was written {wrote} times from here before"
 
     def _demand_mode(self, image: bytes) -> None:
         """Refuse a mode that nobody has said: an experiment from elsewhere may have left it."""
@@ -301,7 +317,8 @@ class _Hand:
         self._first_s: float | None = None
         self._latest = list[tuple[float, float]]()
         self._new_at = self._looked_at = whole.hold.clock.now_s()
-        self._still = StillSensor(whole.heaters, _FROZEN_DEGC) if whole.heaters else None
+        self._still = None if whole.reach is None else StillSensor(whole.reach.heaters, _FROZEN_DEGC)
+        self._rise = None if whole.reach is None else RiseWatch(whole.reach)
         self._fitting: Thread | None = None
         self.ended: ExperimentResult | None = None
         self.fitted: FittedModel | None = None
@@ -350,6 +367,8 @@ class _Hand:
         broken = self._whole.limits.broken(self._latest, self._whole.sensor_degC)
         if broken is not None:
             self.end(*broken)
+        elif rise := "" if self._rise is None else self._rise.see(look.time_s, degC):
+            self.end("rate", rise)
         elif frozen := self._frozen(after_s, degC):
             self.end("sensor", frozen)
         elif look.restarted:
@@ -385,6 +404,7 @@ class _Hand:
         """Send a put, and see that it stands there; until then the way back on the disk says that it may arrive."""
         mode = self._whole.mode
         try:
+            self._whole.budget.count((_MANUAL,))
             self._hold.note_request()
         except InputError as problem:
             self.end("output", str(problem))

@@ -22,7 +22,7 @@ import numpy as np
 from heatertune.errors import InputError, LinkError
 from heatertune.live.client.connection import Address
 from heatertune.live.poller import Snapshot, StillSensor, reading_problem
-from heatertune.live.write.band import Band, band_degC, watched_s
+from heatertune.live.write.band import Band, Reach, RiseWatch, band_degC, highest_message, watched_s
 from heatertune.live.write.plc_block import LinkSettings, Peer, block_image
 from heatertune.live.write.proven_words import ProvenWords
 from heatertune.plc import Words
@@ -179,6 +179,7 @@ class WatchStats:
         problem: why the last of them was none, a few words.
         unusable_in_a_row: the most of them one after the other.
         frozen: why the sensor is frozen, a sentence; empty where it need not be.
+        alarm: that the temperature was too high, or rose too fast, a sentence; empty where neither was.
         still_s: for how long nothing that was read has changed, up to now [s].
         seconds: that were watched [s].
     """
@@ -188,6 +189,7 @@ class WatchStats:
     problem: str = ""
     unusable_in_a_row: int = 0
     frozen: str = ""
+    alarm: str = ""
     still_s: float = 0.0
     seconds: float = 0.0
     outside: list[tuple[float, float]] = field(default_factory=list)
@@ -199,7 +201,8 @@ class WatchStats:
     @property
     def well(self) -> bool:
         """Whether nothing has to be told."""
-        return not self.outside and self.swing is None and not self.has_drifted and not self.frozen and self.usable
+        return not self.outside and self.swing is None and not self.has_drifted and not self.frozen and (
+            not self.alarm and self.usable)
 
     @property
     def usable(self) -> bool:
@@ -216,8 +219,7 @@ class WatchStats:
         lines = list[str]()
         if self.unusable:
             lines.append(f"{count(self.unusable, 'reading')} could not be used: {self.problem}")
-        if self.frozen:
-            lines.append(self.frozen)
+        lines += [each for each in (self.frozen, self.alarm) if each]
         if self.swing is not None:
             lines.append(f"swings by ±{self.swing[0]:.3g} °C every {self.swing[1]:.3g} s")
         if self.has_drifted and self.rest_pct is not None:
@@ -240,7 +242,7 @@ class BandWatch:
         """Hold looks against a proof."""
         heaters = [model for _, model in labelled_heaters(proven.fitted_model)]
         self._sensor_degC = proven.words.scaling.sensor_degC
-        self._still = StillSensor(heaters, band_degC(proven))
+        self._still, self._rise = StillSensor(heaters, band_degC(proven)), RiseWatch(Reach.from_proof(proven))
         self._shown: Mapping[str, float] | None = None
         self._first_s = self._changed_s = 0.0
         self._unusable_row = 0
@@ -265,6 +267,7 @@ class BandWatch:
             return
         power = look.signals.get("power", math.nan)
         self.seen.frozen = self._still.see(look.time_s, degC, power) or self.seen.frozen
+        self._note_alarm(look.time_s, degC)
         if self._band is None or abs(asked - self._band.setpoint_degC) > _SAME_DEGC:
             # who comes to a loop, or sees its setpoint move before it has settled, does not know where it is in its way
             mid_way = self._band is None or look.time_s - self._since_s < self._band.settles_s
@@ -279,6 +282,11 @@ class BandWatch:
         if self._row >= _IN_A_ROW:
             self._outside(look.time_s)
         self._at_rest(look, degC)
+
+    def _note_alarm(self, time_s: float, degC: float) -> None:
+        """Take note of the first reading that is too high, or rises too fast."""
+        rise, hot = self._rise.see(time_s, degC), highest_message(self._proven, degC)
+        self.seen.alarm = self.seen.alarm or hot or rise
 
     def _note_change(self, look: Snapshot) -> None:
         """Take note of how long nothing has changed; a PLC that has begun to count again is new."""

@@ -35,7 +35,8 @@ from heatertune.proof.verdict import (
 )
 
 __all__ = [
-    "ComparisonView", "LogView", "OutcomeView", "PicturesView", "ProofView", "RunView", "check_document", "with_digest",
+    "ComparisonView", "LogView", "OutcomeView", "PicturesView", "ProofView", "RunView", "check_document", "digest_of",
+    "with_digest",
 ]
 
 
@@ -471,10 +472,11 @@ class ProofView:
 def with_digest(proof: Document) -> dict[str, Any]:
     """Return a proof's document with the digest of all the rest as its last field."""
     rest = {name: value for name, value in proof.items() if name != "digest"}
-    return rest | {"digest": _digest(rest)}
+    return rest | {"digest": digest_of(rest)}
 
 
-def _digest(document: Document) -> str:
+def digest_of(document: Document) -> str:
+    """Return the SHA-256 of a document's content, however its file is laid out."""
     text = json.dumps(plain(document), sort_keys=True, ensure_ascii=True, separators=(",", ":"))
     return f"sha256:{hashlib.sha256(text.encode()).hexdigest()}"
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from heatertune.live.experiment import Experiment, ExperimentResult
     from heatertune.live.recorder import RecordingState
     from heatertune.live.schedule import Aims
-    from heatertune.model.model_values import HeaterModel
+    from heatertune.live.write.band import Reach
 
 __all__ = ["EXPERIMENT_EXAMPLE", "add_experiment"]
 
@@ -78,8 +78,9 @@ def _run_experiment(settings: argparse.Namespace) -> int:
     plan, address, aims = read_plan(settings.plan), address_of(settings.address), _aims(settings.until)
     limits = AbortLimits(temperature_degC=settings.limit_temperature, rate_degC_per_min=settings.limit_rate)
     whole = Experiment(plan, address, words, limits, pwm_period_s=pwm_period_in(settings.design),
-                       heaters=_heaters(settings.design), in_manual=settings.in_manual)
-    blind = () if whole.heaters else (f"no heater in {settings.design}: a frozen sensor is not noticed",)
+                       reach=_reach(settings.design), in_manual=settings.in_manual)
+    blind = () if whole.reach is not None else (
+        f"no heater in {settings.design}: neither a frozen sensor nor a rise that no heater makes is noticed",)
     found = (*whole.check(), *blind)
     _agree(settings, whole, found)
     with asked_to_end(ALL_SIGNALS) as asked:
@@ -110,14 +111,15 @@ def _limit_degC(settings: argparse.Namespace) -> float:
     return limit
 
 
-def _heaters(folder: str) -> tuple[HeaterModel, ...]:
-    """Return the plausible heaters of a folder's design, none where it holds no model."""
+def _reach(folder: str) -> Reach | None:
+    """Return what the plausible heaters of a folder's design reach, None where it holds no model."""
     from heatertune.live.serve import read_folder
-    from heatertune.proof.heaters import labelled_heaters
+    from heatertune.live.write.band import Reach
 
     with suppress(HeatertuneError):
-        return tuple(model for _, model in labelled_heaters(read_folder(folder)[1]))
-    return ()
+        words, fitted, conditions = read_folder(folder)
+        return Reach(words, fitted, conditions.noise_degC, conditions.cooling_gain or 0.0)
+    return None
 
 
 def _aims(said: list[str]) -> Aims:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import linear_regression
 from typing import Any, Final
@@ -25,21 +25,25 @@ from heatertune.live.poller import StillSensor, reading_problem
 from heatertune.live.write.plc_block import BlockSnapshot, Peer, runs
 from heatertune.live.write.proven_words import ProvenWords
 from heatertune.live.write.write_record import WriteRecord
+from heatertune.model.model_values import FittedModel, HeaterModel
 from heatertune.pid.sampled_loop import horizon, respond
-from heatertune.plc import controller_for
+from heatertune.plc import Words, controller_for
 from heatertune.plc.ramp import Number
 from heatertune.proof.heaters import MAINS_POWERS, labelled_heaters
 from heatertune.proof.scenario import delay_heater
 from heatertune.proof.spec_file import highest_temperature
 from heatertune.units import count
 
-__all__ = ["Band", "Reach", "WatchResult", "band_degC", "carried_s", "unseen_s", "watch_response", "watched_s"]
+__all__ = ["Band", "Reach", "RiseWatch", "WatchResult", "band_degC", "carried_s", "highest_message",
+           "unseen_s", "watch_response", "watched_s"]
 
 
 _TIMES: Final = 5.0  # lags and dead time of the slowest heater
 _PERIODS: Final = 3.0  # of PWM
 _SIGMAS: Final = 3.0
 _FASTER: Final = 2.0  # than the fastest plausible heater: what the fit does not know of it
+_CLEAR: Final = 5.0  # times what two readings cannot tell, and how late they may be: as long is a rise looked at
+_IN_A_ROW: Final = 2  # readings outside that are more than a disturbed one
 _SMALL: Final = 0.25  # of the rise from the ambient: up to there a change of the setpoint counts as a small one
 
 
@@ -82,18 +86,45 @@ class Reach:
 
     A smaller lag comes before the larger one and makes it slower, never faster. A heater twice as fast as the fastest
     possible one is within reach, as its lag and gain are fitted ones.
+
+    Attributes:
+        heaters: that are plausible.
     """
 
-    def __init__(self, proven: ProvenWords) -> None:
-        """Take the heaters, and what a reading cannot tell, of a proof."""
-        words, heaters = proven.words, [model for _, model in labelled_heaters(proven.fitted_model)]
-        most_pct, cooling = 100.0 * max(MAINS_POWERS), proven.view.actuator.cooling_gain or 0.0
+    def __init__(self, words: Words, fitted: FittedModel, noise_degC: float, cooling: float = 0.0) -> None:
+        """Take the plausible heaters, and what a reading cannot tell.
+
+        Args:
+            words: of the controller.
+            fitted: the heater.
+            noise_degC: of the sensor, standard deviation [°C].
+            cooling: gain of a cooler, as a share of the heater's; 0: there is none.
+        """
+        self.heaters: Sequence[HeaterModel] = [model for _, model in labelled_heaters(fitted)]
+        heaters, most_pct = self.heaters, 100.0 * max(MAINS_POWERS)
         self._ends_degC = [sorted(float(model.ambient_degC or 0.0) + model.gain_degC_per_pct * power
                                   for power in (-cooling * most_pct, most_pct)) for model in heaters]
         self._lags_s = [max(model.lags_s) for model in heaters]
-        self._unread_degC = 2.0 * _unread_degC(proven)  # of both readings
+        self._unread_degC = 2.0 * _unread_degC(words, fitted, noise_degC)  # of both readings
         #: a reading may be as old as the scan and the module make it
         self._late_s = words.sample_time_s + controller_for(words.target).delayed_s(words.scaling)
+
+    @classmethod
+    def from_proof(cls, proven: ProvenWords) -> Reach:
+        """Return that of a proof's heaters."""
+        return cls(proven.words, proven.fitted_model, proven.view.scenario.noise_degC,
+                   proven.view.actuator.cooling_gain or 0.0)
+
+    @property
+    def rate_degC_per_s(self) -> float:
+        """The largest rise of all, of a cold heater [°C/s]."""
+        return max(_FASTER * (hottest - coldest) / lag_s
+                   for (coldest, hottest), lag_s in zip(self._ends_degC, self._lags_s, strict=True))
+
+    @property
+    def window_s(self) -> float:
+        """Within which the largest rise is well beyond what a reading cannot tell [s]."""
+        return _CLEAR * (self._unread_degC / self.rate_degC_per_s + self._late_s)
 
     def at(self, degC: float, passed_s: float) -> tuple[float, float]:
         """Compute the lowest and the highest temperature so long after a reading [°C]; all, where time runs back."""
@@ -105,6 +136,29 @@ class Reach:
             lows.append(min(0.0, coldest - degC) * share)
             highs.append(max(0.0, hottest - degC) * share)
         return degC + min(lows) - self._unread_degC, degC + max(highs) + self._unread_degC
+
+
+class RiseWatch:
+    """Tells a temperature that rises faster than a heater twice as fast as the fastest plausible one, at full power."""
+
+    def __init__(self, reach: Reach) -> None:
+        """Take what is within reach."""
+        self._reach, self._latest, self._row = reach, deque[tuple[float, float]](), 0
+
+    def see(self, time_s: float, degC: float) -> str:
+        """Take a reading [s], [°C]; return why it rises too fast where two in a row do, a sentence; else nothing."""
+        if self._latest and time_s < self._latest[-1][0]:  # the PLC counts again
+            self._latest.clear()
+        while len(self._latest) > 1 and time_s - self._latest[0][0] > self._reach.window_s:
+            self._latest.popleft()
+        since_s, from_degC = self._latest[0] if self._latest else (time_s, degC)
+        highest = self._reach.at(from_degC, time_s - since_s)[1]
+        self._row = 0 if degC <= highest else self._row + 1
+        if not self._row:
+            self._latest.append((time_s, degC))
+        return "" if self._row < _IN_A_ROW else (
+            f"the temperature has risen from {from_degC:.4g} to {degC:.4g} °C within {time_s - since_s:.3g} s: "
+            f"{_FASTER:g} times as fast as the fastest plausible heater, at full power, gets to {highest:.4g} °C")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -154,7 +208,8 @@ class Band:
         return cls(
             setpoint_degC=setpoint_degC, off_degC=temperature_degC - setpoint_degC, carried_degC=carried_degC,
             overshoot=overshoot, beyond_degC=overshoot * max(0.0, whole - off) if mid_way else 0.0,
-            settles_s=max(settles, default=math.inf), rest_degC=band_degC(proven) + _unread_degC(proven))
+            settles_s=max(settles, default=math.inf), rest_degC=band_degC(proven) + _unread_degC(
+                proven.words, proven.fitted_model, proven.view.scenario.noise_degC))
 
     def at(self, since_s: float) -> tuple[float, float]:
         """Return the lowest and the highest temperature so long after its instant [°C]."""
@@ -169,15 +224,20 @@ class Band:
         return {name: getattr(self, name) for name in self.__slots__}
 
 
-def _unread_degC(proven: ProvenWords) -> float:
+def highest_message(proven: ProvenWords, degC: float) -> str:
+    """Return that a reading is at the highest temperature of the specification; empty where it is below."""
+    highest = highest_temperature(proven.conditions)
+    return "" if highest is None or degC < highest else (
+        f"{degC:.4g} °C: the specification or interlock allows less than {highest:g} °C")
+
+
+def _unread_degC(words: Words, fitted: FittedModel, noise_degC: float) -> float:
     """Return what a reading cannot tell, and what the best of the plausible heaters left over of its own log [°C]."""
-    scale = proven.words.scaling
-    count = scale.span_degC / controller_for(proven.words.target).sensor(scale).counts
-    left = [each.rmse_degC for each in proven.fitted_model.candidates if math.isfinite(each.rmse_degC)]
-    return max(_SIGMAS * proven.view.scenario.noise_degC, count) + min(left, default=0.0)
+    count = words.scaling.span_degC / controller_for(words.target).sensor(words.scaling).counts
+    left = [each.rmse_degC for each in fitted.candidates if math.isfinite(each.rmse_degC)]
+    return max(_SIGMAS * noise_degC, count) + min(left, default=0.0)
 
 
-_IN_A_ROW: Final = 2  # readings outside that are more than a disturbed one
 _SAME_DEGC: Final = 1e-6
 #: without a new reading so long, the CPU stands [s], [sampling intervals]
 _STILL_S: Final = 5.0
@@ -262,10 +322,10 @@ class _Watch:
         self._shows = False
         self._count = self._outside = self._unusable = self._unusable_row = 0
         self._sensor_degC = proven.words.scaling.sensor_degC
-        self._highest_degC = highest_temperature(proven.conditions)
         self._still = StillSensor([model for _, model in labelled_heaters(proven.fitted_model)], band_degC(proven))
         self._content, self._changed_s = b"", 0.0
-        self._reach, self._believed = Reach(proven), (math.nan, math.nan)
+        self._reach, self._believed = Reach.from_proof(proven), (math.nan, math.nan)
+        self._rise = RiseWatch(self._reach)
         self._jumped_before, self._looked_s = self._see_before(before), peer.clock.now_s()
         self.stands: Mapping[str, Number] | None = None
 
@@ -304,7 +364,8 @@ class _Watch:
             self._unusable += 1
             self._record.write_line("unusable", s=round(self.seconds, 3), told=problem, **look.to_document())
             return problem if self._unusable_row >= _IN_A_ROW else ""
-        if stop := self._too_hot(seen) or self._frozen(look, seen):
+        rise = self._rise.see(look.time_s, seen)
+        if stop := highest_message(self._proven, seen) or self._frozen(look, seen):
             return stop
         if self._jumped_before:
             return self._jumped_before
@@ -329,7 +390,7 @@ class _Watch:
                          **look.to_document())
         between = f"the proven band, {low:.4g} to {high:.4g} °C"
         self.told = f"{seen:.4g} °C in {between}, {self.seconds:.0f} of {self.duration_s:.0f} s"
-        return f"{seen:.4g} °C is outside of {between}" if self._outside >= _IN_A_ROW else ""
+        return f"{seen:.4g} °C is outside of {between}" if self._outside >= _IN_A_ROW else rise if shows else ""
 
     def _see_before(self, looks: Iterable[BlockSnapshot]) -> str:
         """Take the looks from before the watch; return why readings have jumped in them; empty where they have not."""
@@ -360,12 +421,6 @@ class _Watch:
             return ""
         return (f"the reading has jumped from {from_degC:.4g} to {degC:.4g} °C within {passed_s:.3g} s, in which the "
                 f"heater gets to {low:.4g} to {high:.4g} °C at most")
-
-    def _too_hot(self, degC: float) -> str:
-        """Return that a reading is at the highest temperature of the specification; empty where it is below."""
-        highest = self._highest_degC
-        return "" if highest is None or degC < highest else (
-            f"{degC:.4g} °C: the specification or interlock allows less than {highest:g} °C")
 
     def _frozen(self, look: BlockSnapshot, degC: float) -> str:
         """Return why the sensor is frozen; empty where it need not be, or where the block does not show the power."""

@@ -404,9 +404,12 @@ class Writer:
             change: it is part of.
             problems: that are met are added.
         """
-        look = self.peer.look()
-        mine = {name: change.before[name] for name in part.names if change.is_written(name, look.values[name])}
-        for back in self._standing.parts(look.content, mine):
+        look, mine = self.peer.look(), list[str]()
+        while backs := self._standing.parts(look.content, {
+                name: change.before[name] for name in part.names
+                if name not in mine and change.is_written(name, look.values[name])}):
+            back = backs[0]  # of several, where somebody has changed a word between them
+            mine += back.names
             change.tried.add(part.names)
             change.pending.difference_update(part.names)
             change.unsettled.update(back.names)
@@ -414,8 +417,8 @@ class Writer:
                 self._put(back, change, back=True)
             except _STOPS as stopped:
                 problems.append(_why(stopped))
-        found = self.peer.look().values if mine else look.values
-        if not (unseen := change.left_of(mine, found)) or not self._hold.left_s:
+            look = self.peer.look()
+        if not (unseen := change.left_of(mine, look.values)) or not self._hold.left_s:
             return True
         problems.append(f"{', '.join(unseen)}: accepted, and not there yet")
         return False
