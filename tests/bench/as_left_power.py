@@ -120,7 +120,8 @@ def main(count: int, first: int) -> int:
                 word = "not measured" if measured is None else "as proven" if right else "worse"
                 tolerance = float(message.split("within ")[1].split(" %")[0]) if measured is not None else 0.0
                 off = measured is not None and abs(measured - true) > tolerance
-                if off or (word == "worse") is not (weaker > 0.0 and lost > 1.5 * tolerance) and not (weaker and lost <= 3.0 * tolerance):
+                must = weaker > 0.0 and lost > 1.5 * tolerance
+                if off or ((word == "worse") is not must and (not weaker or lost > 3.0 * tolerance)):
                     wrong += 1
                     print(f"  {seed} {way}, {weaker:.0%} weaker: {word}, {measured} for {true:.3f}; {message}")
                 tally[f"{way}, {weaker:.0%} weaker: {word}"] += 1
