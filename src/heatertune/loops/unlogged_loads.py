@@ -258,6 +258,8 @@ _ROUNDS: Final = 5  # of looking for a heater and for its switch
 _TICKS: Final = range(10, 101)  # of a PWM period; with more of them nobody sees them
 _SOME: Final = 0.05  # of lags and dead time, to see what changes with them
 _RATIO: Final = 0.1  # of two lags, to begin with
+_PLAIN_LAG: Final = 30.0  # of them in a log, to begin with
+_PLAIN_DELAY: Final = 0.1  # of the lag, likewise
 _AGAIN: Final = 0.99  # correlation of one average left over with the next, at most
 _NORMAL: Final = 1.96  # standard deviations of a 95 % interval
 
@@ -349,14 +351,15 @@ def cooler_gain(log: Log, pwm_period_s: float | None) -> CoolerGain | None:
     trials = []
     for before, rest in _starts(log, pwm_period_s):
         course = power_course(log, before, pwm_period_s, rest=rest)
-        trials.append(_LoadTrial(log, course, _searched(course)))
-    _, course, fit = min(trials, key=_LoadTrial.worth)
+        trials += [_LoadTrial(log, course, fit) for fit in (_searched(course), _from_plain(course))]
+    course, fit = min(trials, key=_LoadTrial.worth)[1:]
     # what changes with lags, dead time and instants is free as well
     basis = np.column_stack([course.basis(fit.lag, fit.ratio, fit.delay, fit.instants), _bent(course, fit)])
     linear = np.linalg.lstsq(basis, course.readings, rcond=None)[0]
     left = course.readings - basis @ linear
     again = float(left[1:] @ left[:-1]) / max(float(left @ left), 1e-12)
-    inflated = float(left @ left) / max(1, len(left) - len(linear)) * (1.0 + max(0.0, again)) / (1.0 - min(again, _AGAIN))
+    inflated = float(left @ left) / max(1, len(left) - len(linear)) * (
+        1.0 + max(0.0, again)) / (1.0 - min(again, _AGAIN))
     place = len(fit.linear) - len(fit.instants) - 1
     heater, cooler = float(fit.linear[0]), -float(fit.linear[place])
     if heater <= 0.0:
@@ -366,6 +369,30 @@ def cooler_gain(log: Log, pwm_period_s: float | None) -> CoolerGain | None:
     slope[0], slope[place] = fraction / heater, 1.0 / heater
     half = _NORMAL * math.sqrt(max(0.0, float(inflated * (slope @ np.linalg.pinv(basis.T @ basis) @ slope))))
     return CoolerGain(fraction, fraction - half, fraction + half)
+
+
+def _from_plain(course: PowerCourse) -> _LoadFit:
+    """Return the best heater without loads, with those that it then asks for: loads found first may replace a cooler.
+
+    The first is a pulse, on and off again: neither of its edges explains much alone.
+    """
+    lag = course.length / _PLAIN_LAG
+    plain = _refined(course, lag, 0.0, _PLAIN_DELAY * lag, np.empty(0))
+    tried = np.linspace(*_EDGES, _INSTANTS) * course.length
+    steps, (on, off) = risen(course.middle, tried, plain.lag, 0.0), np.triu_indices(_INSTANTS, 1)
+    q, _ = np.linalg.qr(course.basis(plain.lag, 0.0, plain.delay, ()))
+    fresh = steps - q @ (q.T @ steps)
+    pulses = fresh[:, on] - fresh[:, off]
+    score = (pulses.T @ course.readings) ** 2 / np.maximum(np.sum(pulses**2, axis=0), 1e-12)
+    pulse = tried[[on[place := int(np.argmax(score))], off[place]]]
+    fits = [plain, _refined(course, plain.lag, 0.0, plain.delay, pulse)]
+    best = min(fits, key=_worth)
+    _, instants = _added(course, course.basis(best.lag, 0.0, best.delay, best.instants),
+                         risen(course.middle, tried, best.lag, 0.0), tried, best.instants)
+    fits.append(_refined(course, best.lag, 0.0, best.delay, instants))
+    best = min(fits, key=_worth)
+    fits.append(_refined(course, best.lag, _RATIO, best.delay, best.instants))
+    return _pruned(course, min(fits, key=_worth))
 
 
 class _LoadTrial(NamedTuple):
