@@ -135,6 +135,9 @@ def verdict_of(kind, drawn):
         word = "wrong gain"
     elif until is not None and kind != "reset":
         after, its, then = fitted_or_refused(drawn, until_s=float(until[1]))
+        if kind == "cut-out" and (earlier := re.search(r"--until (-?[\d.]+)", then)):  # where it closes again, then where it opens
+            until = earlier
+            after, its, then = fitted_or_refused(drawn, until_s=float(until[1]))
         if abs(float(until[1]) - drawn.at) > 0.15 * drawn.length:
             word = "another instant"
         elif after in ("refused", "crashed") or its is False:
