@@ -1,6 +1,6 @@
 """What becomes of the exports of many tools, clean, messy and hostile: read and fitted right, a question, or wrong.
 
-    python -m tests.bench.messy [--tool NAME] [--level clean|messy|hostile] [--verbose]
+    python -m tests.bench.messy [--tool NAME] [--level clean|messy|hostile] [--draw N] [--verbose]
 
 Each file of `tool_exports` goes through the command line. What a message asks for is typed: literally, if the message gives
 the value, otherwise with what the user of this heater knows.
@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from heatertune.cli import main
-from tests.bench.tool_exports import LEVELS, Export, exports
+from tests.bench.tool_exports import LEVELS, Export, exports, redraw
 
 RIGHT, REMEDY, STUCK, WRONG, ACCUSED = "right at once", "after its remedy", "refused, no way on", "WRONG HEATER", "FALSE ACCUSATION"
 CLASSES = (RIGHT, REMEDY, STUCK, WRONG, ACCUSED)
@@ -151,7 +151,9 @@ if __name__ == "__main__":
     parser.add_argument("--tool")
     parser.add_argument("--level", choices=LEVELS)
     parser.add_argument("--verbose", action="store_true")
+    parser.add_argument("--draw", type=int, default=0, help="other heaters and other noise (default: 0, as the tests have them)")
     chosen = parser.parse_args()
+    redraw(chosen.draw)
     results = judged(chosen.tool, chosen.level)
     print(printed(results, verbose=chosen.verbose))
     sys.exit(any(outcome in (WRONG, ACCUSED) for _, outcome, _ in results))

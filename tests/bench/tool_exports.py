@@ -19,6 +19,13 @@ START = datetime(2026, 3, 14, 9, 58, 0)
 LEVELS = ("clean", "messy", "hostile")
 
 
+_draw = 0
+
+
+def _chance(seed: int) -> random.Random:
+    return random.Random(f"{_draw}-{seed}" if _draw else seed)
+
+
 class Heater(NamedTuple):
     """The true heater [°C/%, s, s, °C]."""
 
@@ -49,7 +56,7 @@ class Run:
 def steps(heater: Heater, *, every: int = 2, plan: Sequence[tuple[int, float]] = ((0, 0), (60, 60), (700, 20)), until: int = 1300,
           seed: int = 1, opens: int | None = None) -> Run:
     """Log a heater whose power follows a plan; from `opens` on its element gets nothing, whatever the log says."""
-    chance, temperature, made = random.Random(seed), heater.room, Run(heater, [], [], [], [])
+    chance, temperature, made = _chance(seed), heater.room, Run(heater, [], [], [], [])
 
     def power(second: float) -> float:
         return next(level for begin, level in reversed(plan) if begin <= max(second, 0))
@@ -68,7 +75,7 @@ def steps(heater: Heater, *, every: int = 2, plan: Sequence[tuple[int, float]] =
 def controlled(heater: Heater, targets: Sequence[tuple[int, float]], *, every: int = 1, until: int = 900, seed: int = 2,
                gain: float = 4.0, reset_s: float = 60.0) -> Run:
     """Log a heater that a PI controller takes to its targets; power in whole thousandths."""
-    chance, temperature, integral, made = random.Random(seed), heater.room, 0.0, Run(heater, [], [], [], [])
+    chance, temperature, integral, made = _chance(seed), heater.room, 0.0, Run(heater, [], [], [], [])
     sent = [0.0] * (int(heater.dead_time_s) + 1)
     for second in range(until):
         target = next(level for begin, level in reversed(targets) if begin <= second)
@@ -134,6 +141,18 @@ def exports(tool: str | None = None, level: str | None = None) -> Iterator[Expor
 # ---- what is common to many tools -------------------------------------------------------------------------------------
 
 OVEN, BED, HOTEND, KILN = Heater(0.6, 150, 12), Heater(0.9, 300, 14), Heater(2.4, 60, 4), Heater(5.5, 900, 40, 19.0)
+_AS_WRITTEN = {name: globals()[name] for name in ("OVEN", "BED", "HOTEND", "KILN")}
+
+
+def redraw(draw: int) -> None:
+    """Change the heaters by up to 12 % each way, and all noise, for the exports that are made next; 0: as they were."""
+    global _draw
+    _draw, chance = draw, random.Random(f"heaters {draw}")
+    for name, heater in _AS_WRITTEN.items():
+        gain, constant, dead, room = (value * (chance.uniform(0.88, 1.12) if draw else 1.0) for value in heater)
+        globals()[name] = Heater(gain, constant, round(dead), room)
+
+
 MARKS = ("--.-", "Err", "OPEN", "+OVER", "NULL")
 
 
@@ -1282,7 +1301,7 @@ def with_sides(heater: Heater, *, plan: Sequence[tuple[int, float]] = TWO_WAY, a
 
     `loss` is by how much the full fan raises the loss; `drift` is how far the room warms up [°C].
     """
-    chance, temperature, run, fan, rooms = random.Random(seed), heater.room, Run(heater, [], [], [], []), [], []
+    chance, temperature, run, fan, rooms = _chance(seed), heater.room, Run(heater, [], [], [], []), [], []
 
     def at(course: Sequence[tuple[int, float]], second: float) -> float:
         return next(level for begin, level in reversed(course) if begin <= max(second, 0))

@@ -3,7 +3,8 @@
     python tests/bench/whose_heater.py --count 16
     python tests/bench/whose_heater.py --kinds probe reset --verbose
 
-Kinds: the circuit of the heater opens; the probe falls out and shows the room; the controller is reset, forgets its
+Kinds: the circuit of the heater opens, for good or for a while (a thermal cut-out); one of its two elements opens; the
+probe falls out and shows the room; the controller is reset, forgets its
 integral and begins again; a second heater is switched on. Each in a PI loop, with steps of the power, or under two-level
 control. A reset is no fault of the heater: its log has to be fitted as it is. For the others the log has to be refused
 with `--until` before the instant, or to be fitted with the truth inside its intervals; never as a cooler. The cut log has
@@ -29,7 +30,7 @@ from heatertune.chain.stages import fit
 from heatertune.errors import HeatertuneError
 from heatertune.log import read_log
 
-KINDS = ("opens", "probe", "reset", "second")
+KINDS = ("opens", "probe", "reset", "second", "cut-out", "element")
 WAYS = ("loop", "steps", "two-level")
 _TOLERANCE = 0.03  # of the gain
 
@@ -67,6 +68,7 @@ def draw(kind, way, seed):
     band = 100.0 * gain * rng.uniform(0.01, 0.03)
     pipe, x, y, part, on, power = [0.0] * round(dead / fine), ambient, ambient, 0.0, True, 0.0
     rise, reset_for = 100.0 * gain * rng.uniform(0.15, 0.4), 5.0 * interval
+    closes = at + (2.0 * lag if kind == "cut-out" else math.inf)
     rows, probe, has_reset = [], ambient, False
     for row in range(int(length / interval)):
         now = row * interval
@@ -88,7 +90,8 @@ def draw(kind, way, seed):
             power = 100.0 if on else 0.0
         rows.append((now, read, power))
         for _ in range(per_row):
-            pipe.append(0.0 if kind == "opens" and gone else power)
+            left = 0.0 if kind in ("opens", "cut-out") and at <= now < closes else 0.5 if kind == "element" and gone else 1.0
+            pipe.append(left * power)
             extra = rise if kind == "second" and gone else 0.0
             x += fine / lag * (ambient + gain * pipe.pop(0) + extra - x)
             y = x if not second else y + fine / second * (x - y)
@@ -132,6 +135,9 @@ def verdict_of(kind, drawn):
         word = "wrong gain"
     elif until is not None and kind != "reset":
         after, its, then = fitted_or_refused(drawn, until_s=float(until[1]))
+        if kind == "cut-out" and (earlier := re.search(r"--until (-?[\d.]+)", then)):  # where it closes again, then where it opens
+            until = earlier
+            after, its, then = fitted_or_refused(drawn, until_s=float(until[1]))
         if abs(float(until[1]) - drawn.at) > 0.15 * drawn.length:
             word = "another instant"
         elif after in ("refused", "crashed") or its is False:

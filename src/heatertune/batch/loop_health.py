@@ -40,6 +40,7 @@ SCHEMA: Final = "heatertune/health/1"
 _POINTS: Final = 90  # of a sparkline, each with its lowest and highest
 _HEATER: Final = {"gain_degC_per_pct": "process gain [°C/%]", "time_constant_s": "time constant [s]",
                   "dead_time_s": "dead time [s]", "ambient_degC": "ambient temperature, reached without power [°C]"}
+_COOLING: Final = "cooling_gain"
 _COLUMNS: Final = (
     TableColumn("name", "text", "the loop"),
     TableColumn("file", "text", "its log, without the common part of the paths"),
@@ -62,6 +63,7 @@ _COLUMNS: Final = (
     TableColumn("loads", "int", "loads found in the log"),
     *(TableColumn(name, "float", f"{what} of the identified heater") for name,
       what in _HEATER.items()),
+    TableColumn(_COOLING, "float", "full cooling as a fraction of full heating"),
     TableColumn("fit_pct", "float", "fit of the heater to the log [%]"),
     TableColumn("target", "text", "controller of the parameters that would fix it"),
     TableColumn("words", "text", "these parameters, as JSON"),
@@ -170,7 +172,7 @@ def _since(row: Row, earlier: Mapping[str, Row]) -> dict[str, Any]:
 def _with_documents(loop: LoopEntry, folder: Path, before: Row | None) -> tuple[LoopEntry, Any, Any]:
     """Return a loop with the documents of its design; without, its heater is that of the earlier run."""
     if loop.folder is None:
-        return loop, None, None if before is None else {name: before[name] for name in _HEATER}
+        return loop, None, None if before is None else {name: before.get(name) for name in (*_HEATER, _COOLING)}
     data = data_folder(folder / loop.folder)
     words = data / "words.json"
     return (loop, read_document(words, WORDS_SCHEMA) if words.exists() else None,
@@ -200,7 +202,7 @@ def _examined(settings: HealthSettings, sent: HealthTask) -> Row:
         log = read_log(loop.file, settings.read, content=sent.content)
         row["log_taken"] = None if log.taken is None else log.taken.line
         with cache.cache_disabled():
-            told = diagnose(_powered(log, loop, words), loop, _before(sent.model))
+            told = diagnose(_powered(log, loop, words), loop, *_before(sent.model))
             cure = cure_words(told, loop, _asked(settings.request, loop, words))
         return row | _told(told) | ({} if cure is None else _cure(cure))
     except HeatertuneError as problem:
@@ -216,10 +218,14 @@ def _powered(log: Log, loop: LoopEntry, words: Words | None) -> Log:
     return replay_controller(log, controllers(words)[0], loop.setpoint_degC)
 
 
-def _before(model: Mapping[str, Any] | None) -> FittedModel | None:
+def _before(model: Mapping[str, Any] | None) -> tuple[FittedModel | None, float | None]:
+    """Return the heater of a document, or of an earlier run's row, and the gain of its cooler."""
     if model is None or model.get("gain_degC_per_pct", 0.0) is None:
-        return None
-    return model_document.from_document(model) if "schema" in model else model_by_hand(Fopdt(**model))
+        return None, None
+    if "schema" not in model:
+        return model_by_hand(Fopdt(**{name: model[name] for name in _HEATER})), model.get(_COOLING)
+    fitted = model_document.from_document(model)
+    return fitted, None if fitted.cooling is None else fitted.cooling.cooling_gain
 
 
 def _asked(request: DesignRequest, loop: LoopEntry, words: Words | None) -> DesignRequest | None:
@@ -246,6 +252,7 @@ def _told(diagnosis: Diagnosis) -> Row:
         "loads": len(diagnosis.loads), "course": json.dumps(_course(diagnosis)),
         "fit_pct": None if diagnosis.fitted_model is None else diagnosis.fitted_model.fit_pct,
         **({} if heater is None else asdict(heater)),
+        **({} if diagnosis.cooling is None else {_COOLING: diagnosis.cooling.fraction}),
     }
 
 

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ABSOLUTE_ZERO_DEGC",
+    "AS_ROOM",
     "BUILT_IN",
     "EXPLICIT",
     "HOLD",
@@ -150,6 +151,11 @@ class ReadSummary:
     stated: frozenset[str] = frozenset()
 
     @property
+    def begins_as_room(self) -> bool:
+        """Whether the temperature is taken as °C because it begins like a room in °C."""
+        return self.columns["temperature"][1].endswith(AS_ROOM)
+
+    @property
     def repaired_share(self) -> float:
         """Share of the rows that were left out, repeats aside, or in which a value was put in."""
         return (self.left_out - self.repeats + self.repaired) / max(self.rows_read, 1)
@@ -195,6 +201,8 @@ class ReadSummary:
 
 #: how the unit of a signal is known, and what is known between its instants
 EXPLICIT: Final = "said by the file or the user"
+#: of a temperature without a unit that begins like a room in °C: a store in °F or tenths above freezing may begin so
+AS_ROOM: Final = "from a room's temperature"
 HOLD: Final = "held until the next instant"
 SAMPLES: Final = "sampled"
 ON_CHANGE: Final = "constant until it is written again"

@@ -41,6 +41,7 @@ from heatertune.log.columns import (
 )
 from heatertune.log.log_values import (
     ABSOLUTE_ZERO_DEGC,
+    AS_ROOM,
     BUILT_IN,
     ON_CHANGE,
     SAMPLES,
@@ -495,7 +496,7 @@ def _temperature_unit(
     if not scaled and _starts_at_room(values):
         repairs.append(f"The temperature has no unit in the file; taken as °C, because it starts at {first:g}, a room "
                        "temperature only in °C.")
-        return LogSignal(values, "degC", SIGNS["degC"], "from a room's temperature", between=SAMPLES)
+        return LogSignal(values, "degC", SIGNS["degC"], AS_ROOM, between=SAMPLES)
     repairs.append("The temperature has no unit in the file; taken as °C (otherwise: --temperature-unit).")
     likely = _likely(first, scaled=scaled)
     if _ROOM_DEGF[0] <= first <= _ROOM_DEGF[1] or likely != "degC":

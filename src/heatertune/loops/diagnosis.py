@@ -29,7 +29,7 @@ from heatertune.loops.measures import (
     swings,
     switchings_per_h,
 )
-from heatertune.loops.unlogged_loads import LoadFreeLog, LoadStep, without_loads
+from heatertune.loops.unlogged_loads import CoolerGain, LoadFreeLog, LoadStep, cooler_gain, without_loads
 from heatertune.model.fit import fit
 from heatertune.model.model_values import FitOutcome, FittedModel, HeaterModel
 from heatertune.model.statistics import Interval
@@ -95,8 +95,13 @@ class _Plant:
         return float(self._modes.sum())
 
 
-def ideal(design: PidDesign) -> Controller:
-    """Return a design that runs without anybody's arithmetic: P and I on the error, the sum held at the limits."""
+def ideal(design: PidDesign, lowest_pct: float = 0.0) -> Controller:
+    """Return a design that runs without anybody's arithmetic: P and I on the error, the sum held at the limits.
+
+    Args:
+        design: of the heater.
+        lowest_pct: power at full cooling, 0 without a cooler [% of full heating].
+    """
     total = 0.0
     k, rate = design.gain_pct_per_degC, design.sample_time_s / design.integral_time_s
 
@@ -104,9 +109,9 @@ def ideal(design: PidDesign) -> Controller:
         nonlocal total
         error = setpoint - reading
         wish = k * (error + total + rate * error)
-        if 0.0 <= wish <= 100.0 or (wish > 100.0) != (k * error > 0.0):
+        if lowest_pct <= wish <= 100.0 or (wish > 100.0) != (k * error > 0.0):
             total += rate * error
-        return min(max(k * (error + total), 0.0), 100.0)
+        return min(max(k * (error + total), lowest_pct), 100.0)
 
     return step
 
@@ -192,6 +197,7 @@ def times_worse(lived: Day, course: RegularLog) -> tuple[float, float, float]:
 
 
 _WORSE: Final = 2.5  # times the mean error that is possible: further off, other words are worth it
+_STEPS: Final = 2.5  # of a reading, peak to peak
 _HALF_CYCLES: Final = 5  # a well-tuned loop is done after three
 _ABOUT: Final = 0.05  # of the PWM period, as far as what is said of it is off
 _SHARE: Final = 0.3  # of the log at a limit
@@ -222,6 +228,7 @@ class Diagnosis:
         pwm_period_s: in force; None: not known.
         longer_period_s: that would do as well [s]; None: not known, or nothing wears.
         switch_ticks: whole ones in a PWM period, that the log shows; None: it shows none.
+        cooling: how strong the loop's cooler is; None: it has none.
         found: what is wrong, the cause first.
     """
 
@@ -237,6 +244,7 @@ class Diagnosis:
     pwm_period_s: float | None
     longer_period_s: float | None
     switch_ticks: int | None
+    cooling: CoolerGain | None
     faults: tuple[LoopFault, ...]
 
     @property
@@ -262,22 +270,23 @@ class Diagnosis:
         return ("high" if clear else "medium") if not self.why_not else ("medium" if clear else "low")
 
 
-def diagnose(log: Log, loop: LoopEntry, before: FittedModel | None = None) -> Diagnosis:
+def diagnose(
+    log: Log, loop: LoopEntry, before: FittedModel | None = None, cooling_before: float | None = None
+) -> Diagnosis:
     """Return what is wrong with a loop.
 
     Args:
         log: with its setpoint, and with its power where that is known.
         loop: what else is known of it.
         before: the heater that its words were made for.
+        cooling_before: full cooling as a fraction of full heating then; None: not known.
 
     Raises:
-        InputError: no setpoint is known.
+        InputError: no setpoint is known, or a cooler whose strength the log does not show.
     """
-    log.demand_heater_alone("which is not judged; without its power the loop is judged by its temperature: "
-                            "--power-column none")
     if loop.setpoint_degC is not None:
         log = log.with_rows(setpoint_degC=np.full(len(log.time_s), loop.setpoint_degC))
-    log = log.on_one_clock()  # switchings and mean powers between two readings count
+    log, cooling = _one_power(log.on_one_clock(), loop)  # switchings and mean powers between two readings count
     if log.setpoint_degC is None:
         raise InputError(f"{log.name}: the log holds no setpoint; log it, or give setpoint_degC in the list")
     period = _pwm_period_s(log, loop)
@@ -289,15 +298,31 @@ def diagnose(log: Log, loop: LoopEntry, before: FittedModel | None = None) -> Di
     worse, lived, possible = None, None, None
     if fitted is not None:
         possible = quick_tune(fitted.hypothetical)
-        lived = day(course, fitted.hypothetical[0], ideal(possible), possible.sample_time_s)
+        lived = day(course, fitted.hypothetical[0], ideal(possible, course.lowest_pct), possible.sample_time_s)
         worse = times_worse(lived, course)[0]
     dead = 0.0 if fitted is None else fitted.model.dead_time_s
     swung = swings(course, [*course.changes_s, *(load.instant_s for load in loads)], dead)
     result = Diagnosis(
         course=course, loads=loads, fitted_model=fitted, why_not=why_not, possible=possible, replayed_day=lived,
         worse=worse, swings=swung, switchings_per_h=switchings_per_h(log, period), pwm_period_s=period,
-        longer_period_s=_longer(loop, fitted, course, period), switch_ticks=cleared and cleared.ticks, faults=())
-    return replace(result, faults=tuple(_still(log)) or tuple(_found(result, loop, before)))
+        longer_period_s=_longer(loop, fitted, course, period), switch_ticks=cleared and cleared.ticks,
+        cooling=cooling, faults=())
+    return replace(result, faults=tuple(_still(log)) or tuple(_found(result, loop, before, cooling_before)))
+
+
+def _one_power(log: Log, loop: LoopEntry) -> tuple[Log, CoolerGain | None]:
+    """Return a log with one power, below 0 that of its cooler, and how strong that is; None: there is none.
+
+    Raises:
+        InputError: the log does not show how strong the cooler is.
+    """
+    if log.cooling_pct is None:
+        return log, None
+    gain = None if _no_power(log) else cooler_gain(log, _pwm_period_s(log, loop))
+    if gain is None or gain.low <= 0.0:
+        raise InputError(f"{log.name}: the log does not show how strong the cooler is; take one in which the loop both "
+                         "heats and cools, or judge this one by its temperature alone: --power-column none")
+    return log.with_net_power(gain.fraction), gain
 
 
 def _pwm_period_s(log: Log, loop: LoopEntry) -> float | None:
@@ -367,12 +392,14 @@ def _longer(loop: LoopEntry, fitted: FittedModel | None, course: RegularLog, per
     return max(shortest, float(math.floor(found.period_s)))
 
 
-def _found(diagnosis: Diagnosis, loop: LoopEntry, before: FittedModel | None) -> Iterator[LoopFault]:
+def _found(
+    diagnosis: Diagnosis, loop: LoopEntry, before: FittedModel | None, cooling_before: float | None
+) -> Iterator[LoopFault]:
     """Yield what is wrong, the cause before what follows from it."""
     limits = list(_limits(diagnosis.course))
     yield from limits
     if before is not None and diagnosis.fitted_model is not None and not limits:
-        yield from _drift(diagnosis.fitted_model, before)
+        yield from _drift(diagnosis.fitted_model, before, diagnosis.cooling, cooling_before)
     if not limits:
         yield from _error(diagnosis)
     if diagnosis.longer_period_s is not None and diagnosis.switchings_per_h and diagnosis.pwm_period_s:
@@ -395,18 +422,33 @@ def _limits(course: RegularLog) -> Iterator[LoopFault]:
                 f"{abs(error):.3g} °C {'below' if error > 0.0 else 'above'} it at the end"))
 
 
-def _drift(now: FittedModel, before: FittedModel) -> Iterator[LoopFault]:
-    """Yield the parameter that moved most, where that is more than two fits differ by."""
-    moved = []
-    for name, most in (("gain_degC_per_pct", _DRIFT), ("time_constant_s", _DRIFT), ("dead_time_s", _LATER)):
-        was, is_ = getattr(before.model, name), getattr(now.model, name)
-        if was > 0.0 and is_ > 0.0:
-            moved.append((abs(math.log(is_ / was)) / math.log1p(most), name, was, is_))
-    excess, name, was, is_ = max(moved, default=(0.0, "", 0.0, 0.0))
-    if excess > 1.0:
-        yield LoopFault(cause=Cause.DRIFTED, excess=excess, message=(
-            f"{name.rpartition('_degC')[0].replace('_', ' ') if 'degC' in name else name[:-2].replace('_', ' ')} "
-            f"{was:.3g} → {is_:.3g} since the words were made ({100.0 * (is_ / was - 1.0):+.0f} %)"))
+def _drift(
+    now: FittedModel, before: FittedModel, cooling: CoolerGain | None, cooling_before: float | None
+) -> Iterator[LoopFault]:
+    """Yield the parameters that moved by more than two fits differ by, the one that moved most first.
+
+    The gain of a cooler is told next to that of the heater: a fouled cooler leaves the heater as it was.
+    """
+    moved = [(name.rpartition("_degC")[0] if "degC" in name else name[:-2], most, getattr(before.model, name),
+              getattr(now.model, name))
+             for name, most in (("gain_degC_per_pct", _DRIFT), ("time_constant_s", _DRIFT), ("dead_time_s", _LATER))]
+    faults = [_moved(*parameter) for parameter in moved]
+    if cooling is not None and cooling_before is not None:
+        is_ = now.model.gain_degC_per_pct
+        was = before.model.gain_degC_per_pct * cooling_before
+        if not is_ * cooling.low <= was <= is_ * cooling.high:
+            faults.append(_moved("cooling_gain", _DRIFT, was, is_ * cooling.fraction))
+    drifted = sorted((fault for fault in faults if fault.excess > 1.0), key=lambda fault: -fault.excess)
+    yield from drifted if cooling_before is not None else drifted[:1]
+
+
+def _moved(name: str, most: float, was: float, is_: float) -> LoopFault:
+    """Return by how much a parameter moved, in excess of what two fits differ by; 0: it is not known in one of them."""
+    known = was > 0.0 and is_ > 0.0
+    return LoopFault(
+        cause=Cause.DRIFTED, excess=abs(math.log(is_ / was)) / math.log1p(most) if known else 0.0,
+        message=f"{name.replace('_', ' ')} {was:.3g} → {is_:.3g} since the words were made "
+                f"({100.0 * (is_ / was - 1.0) if known else 0.0:+.0f} %)")
 
 
 def _error(diagnosis: Diagnosis) -> Iterator[LoopFault]:
@@ -414,7 +456,9 @@ def _error(diagnosis: Diagnosis) -> Iterator[LoopFault]:
     swung, worse, course = diagnosis.swings, diagnosis.worse, diagnosis.course
     times = "" if worse is None else f"; mean error {worse:.2g} times what is possible"
     excess = 1.0 if worse is None else max(1.0, worse / _WORSE)
-    if swung.count >= _HALF_CYCLES and swung.even:
+    # one step of the reading to either side is how a loop at rest looks
+    steps = swung.size_degC < _STEPS * course.step_degC and worse is not None and worse < _WORSE
+    if swung.count >= _HALF_CYCLES and swung.even and not steps:
         yield LoopFault(cause=Cause.OSCILLATING, excess=max(excess, swung.count / _HALF_CYCLES), message=(
             f"swings {swung.size_degC:.2g} °C peak to peak, period {swung.period_s:.3g} s, "
             f"{swung.count} half cycles in a row{times}"))
@@ -467,6 +511,10 @@ def cure_words(diagnosis: Diagnosis, loop: LoopEntry, request: DesignRequest | N
         return None
     if diagnosis.fitted_model is None:
         return Cure(words=None, verdict="", reason=f"no heater to design for: {diagnosis.why_not}")
+    if diagnosis.cooling is not None:
+        return Cure(words=None, verdict="", reason=(
+            "a loop that cools as well is designed from its log alone: heatertune design LOG --target pid-temp "
+            f"--cooling-gain {diagnosis.cooling.fraction:.3g}"))
     if request is None:
         return Cure(words=None, verdict="", reason="name the controller: --target, or target in the list")
     try:

@@ -46,6 +46,8 @@ class RegularLog:
         temperature_degC, setpoint_degC, power_pct: likewise; None: the power is not known.
         changes_s: when the setpoint changes, the begin of the log being the first [s].
         least_degC: an error that is noise, or too small for anyone to care [°C].
+        step_degC: of the readings [°C].
+        lowest_pct: power at full cooling, 0 without a cooler [% of full heating].
         turn_degC: a way back of the averages that is noise, or too small for anyone to care [°C].
     """
 
@@ -56,6 +58,8 @@ class RegularLog:
     changes_s: tuple[float, ...]
     least_degC: float
     turn_degC: float
+    step_degC: float = 0.0
+    lowest_pct: float = 0.0
 
     @property
     def error_degC(self) -> Array:
@@ -126,13 +130,15 @@ def course_of(log: Log, pwm_period_s: float | None, changes_at_least_degC: float
     readings = np.interp(time, log.time_s, log.temperature_degC)
     averages = mean(log.temperature_degC)
     levels = np.diff(np.unique(log.temperature_degC))
-    least = max(float(np.min(levels)) if len(levels) else 0.0, _LEAST * float(np.ptp(readings)))
+    level = float(np.min(levels)) if len(levels) else 0.0
+    least = max(level, _LEAST * float(np.ptp(readings)))
     turn, least = max(_TURN * _noise(averages, width), least), max(_NOISE * _noise(readings, 1), least)
     moved = np.flatnonzero(np.abs(np.diff(setpoint)) > max(changes_at_least_degC, least)) + 1
     return RegularLog(
         time_s=time, temperature_degC=averages, setpoint_degC=setpoint,
         power_pct=None if log.power_pct is None else mean(log.power_pct),
-        changes_s=(float(time[0]), *time[moved].tolist()), least_degC=least, turn_degC=turn)
+        changes_s=(float(time[0]), *time[moved].tolist()), least_degC=least, turn_degC=turn, step_degC=level,
+        lowest_pct=-100.0 * log.cooling_gain)
 
 
 def _noise(rows: Array, apart: int) -> float:
@@ -184,7 +190,7 @@ def at_limit(course: RegularLog, *, high: bool) -> float:
     """
     if course.power_pct is None:
         return 0.0
-    low, full = _ENDS
+    low, full = course.lowest_pct + _ENDS[0], _ENDS[1]
     sign = 1.0 if high else -1.0
     held = (course.power_pct >= full if high else course.power_pct <= low) & (
         sign * course.error_degC > course.least_degC)
@@ -273,7 +279,7 @@ def average_log(log: Log, pwm_period_s: float | None, before_pct: float | None =
     rows = np.searchsorted(log.time_s, time + 1e-9 * step, side="right") - 1
     return log.with_rows(
         time_s=time, temperature_degC=once / width, disturbance=None,
-        power_pct=np.clip(np.diff(twice) / (width * step), 0.0, 100.0),
+        power_pct=np.clip(np.diff(twice) / (width * step), -100.0 * log.cooling_gain, 100.0),
         setpoint_degC=None if log.setpoint_degC is None else log.setpoint_degC[rows])
 
 

@@ -26,8 +26,18 @@ from heatertune.loops.measures import average_log, found_period_s
 from heatertune.model.statistics import ar1_bic
 
 __all__ = [
-    "DutySwitch", "LoadFreeLog", "LoadStep", "PowerCourse", "phases", "power_course", "reconstruct_power", "risen",
-    "with_duty", "without_loads",
+    "CoolerGain",
+    "DutySwitch",
+    "LoadFreeLog",
+    "LoadStep",
+    "PowerCourse",
+    "cooler_gain",
+    "phases",
+    "power_course",
+    "reconstruct_power",
+    "risen",
+    "with_duty",
+    "without_loads",
 ]
 
 
@@ -46,6 +56,7 @@ class PowerCourse:
         readings: averages of so many rows each [°C], shape (m,).
         middle: of the rows of each [s], shape (m,).
         rest: whether the temperature had come to rest with that power.
+        cooling: power of a cooler, whose gain is free, as `power`; None: there is none.
     """
 
     time: Array
@@ -54,6 +65,7 @@ class PowerCourse:
     readings: Array
     middle: Array
     rest: bool = False
+    cooling: Array | None = None
 
     @property
     def step(self) -> float:
@@ -73,19 +85,24 @@ class PowerCourse:
 
     def answer(self, lag: float, ratio: float, delay: float) -> Array:
         """Return the power behind its lags and dead time [%], shape (m,)."""
+        return self._behind(self.power - self.before, lag, ratio, delay)
+
+    def _behind(self, power: Array, lag: float, ratio: float, delay: float) -> Array:
         keep = math.exp(-self.step / lag)
-        moved = lfilter([0.0, 1.0 - keep], [1.0, -keep], self.power - self.before)
+        moved = lfilter([0.0, 1.0 - keep], [1.0, -keep], power)
         if ratio > 0.0:
             keep = math.exp(-self.step / (ratio * lag))
             moved = lfilter([1.0 - keep], [1.0, -keep], moved)
         return self.mean(np.interp(self.time - delay, self.time, moved, left=0.0))
 
     def basis(self, lag: float, ratio: float, delay: float, loads: Sequence[float] | Array) -> Array:
-        """Return the columns of power, ambient, state at the start and loads, shape (m, …)."""
+        """Return the columns of power, ambient, state at the start, cooler and loads, shape (m, …)."""
         lags = [] if self.rest else [lag, ratio * lag] if ratio > 0.0 else [lag]
         decays = [np.exp(-self.middle / each) for each in lags]
+        cooler = [] if self.cooling is None else [
+            self._behind(self.cooling - self.cooling[0], lag, ratio, delay)]
         return np.column_stack([
-            self.answer(lag, ratio, delay), np.ones(len(self.readings)), *decays,
+            self.answer(lag, ratio, delay), np.ones(len(self.readings)), *decays, *cooler,
             risen(self.middle, np.asarray(loads), lag, ratio)])
 
 
@@ -110,12 +127,15 @@ def power_course(log: Log, before: float, pwm_period_s: float | None, *, rest: b
     since = log.time_s - log.time_s[0]
     step = max(float(np.median(np.diff(since))), float(since[-1]) / _ROWS)
     time = step * np.arange(int(since[-1] / step + 1e-9) + 1, dtype=np.float64)
-    held = np.concatenate([[0.0], np.cumsum(log.power_pct[:-1] * np.diff(since))])
-    energy = np.interp(np.append(time, time[-1] + step), since, held)
-    power = np.append(np.diff(energy)[:-1] / step, log.power_pct[-1])
+
+    def held(values: Array) -> Array:
+        energy = _energy(since, values, np.append(time, time[-1] + step))
+        return np.append(np.diff(energy)[:-1] / step, values[-1])
+
     # averages over less than a PWM period would not be independent
     each = max(1, len(time) // _READINGS, math.ceil((pwm_period_s or 0.0) / step - 1e-9))
-    course = PowerCourse(time, power, before, np.zeros(len(time) // each), np.zeros(0), rest)
+    course = PowerCourse(time, held(log.power_pct), before, np.zeros(len(time) // each), np.zeros(0), rest,
+                         None if log.cooling_pct is None else held(log.cooling_pct))
     course.middle, course.readings = course.mean(time), course.mean(np.interp(time, since, log.temperature_degC))
     return course
 
@@ -170,7 +190,7 @@ def reconstruct_power(log: Log, switch: DutySwitch, period_s: float | None) -> L
         energy = np.concatenate([[0.0], np.cumsum(taken[:-1]) * period_s])
         ends = np.append(log.time_s, 2.0 * last - log.time_s[-2])
         power = np.diff(np.interp(ends, begins, energy)) / np.diff(ends)
-    return log.with_rows(power_pct=np.clip(power, 0.0, 100.0))
+    return log.with_rows(power_pct=np.clip(power, -100.0 * log.cooling_gain, 100.0))
 
 
 def with_duty(log: Log, period_s: float) -> Log:
@@ -206,7 +226,7 @@ def with_duty(log: Log, period_s: float) -> Log:
     if float(np.sqrt(np.mean((told - duty)[between] ** 2))) > _OFF * row:
         return log
     rows = np.maximum(np.searchsorted(begins, time + 1e-9 * period_s, side="right") - 1, 0)
-    return log.with_rows(power_pct=np.where(between, told, np.clip(duty, 0.0, 100.0))[rows])
+    return log.with_rows(power_pct=np.where(between, told, np.clip(duty, -100.0 * log.cooling_gain, 100.0))[rows])
 
 
 def _energy(time: Array, values: Array, at: Array) -> Array:
@@ -238,6 +258,10 @@ _ROUNDS: Final = 5  # of looking for a heater and for its switch
 _TICKS: Final = range(10, 101)  # of a PWM period; with more of them nobody sees them
 _SOME: Final = 0.05  # of lags and dead time, to see what changes with them
 _RATIO: Final = 0.1  # of two lags, to begin with
+_PLAIN_LAG: Final = 30.0  # of them in a log, to begin with
+_PLAIN_DELAY: Final = 0.1  # of the lag, likewise
+_AGAIN: Final = 0.99  # correlation of one average left over with the next, at most
+_NORMAL: Final = 1.96  # standard deviations of a 95 % interval
 
 
 class LoadStep(NamedTuple):
@@ -307,6 +331,70 @@ def without_loads(log: Log, pwm_period_s: float | None = None) -> LoadFreeLog:
                    _most_dead_time_s(course, found, pwm_period_s or course.step), switch.ticks)
 
 
+class CoolerGain(NamedTuple):
+    """How strong a cooler is: full cooling as a fraction of full heating, with its 95 % interval."""
+
+    fraction: float
+    low: float
+    high: float
+
+
+def cooler_gain(log: Log, pwm_period_s: float | None) -> CoolerGain | None:
+    """Return how strong the cooler of a loop is, found together with the heater and the loads; None: nothing tells.
+
+    A load in one half of the day would pass for a weaker cooler.
+
+    Args:
+        log: with the powers of both.
+        pwm_period_s: of the heater's switch; None: not known.
+    """
+    trials = []
+    for before, rest in _starts(log, pwm_period_s):
+        course = power_course(log, before, pwm_period_s, rest=rest)
+        trials += [_LoadTrial(log, course, fit) for fit in (_searched(course), _from_plain(course))]
+    course, fit = min(trials, key=_LoadTrial.worth)[1:]
+    # what changes with lags, dead time and instants is free as well
+    basis = np.column_stack([course.basis(fit.lag, fit.ratio, fit.delay, fit.instants), _bent(course, fit)])
+    linear = np.linalg.lstsq(basis, course.readings, rcond=None)[0]
+    left = course.readings - basis @ linear
+    again = float(left[1:] @ left[:-1]) / max(float(left @ left), 1e-12)
+    inflated = float(left @ left) / max(1, len(left) - len(linear)) * (
+        1.0 + max(0.0, again)) / (1.0 - min(again, _AGAIN))
+    place = len(fit.linear) - len(fit.instants) - 1
+    heater, cooler = float(fit.linear[0]), -float(fit.linear[place])
+    if heater <= 0.0:
+        return None
+    fraction = cooler / heater
+    slope = np.zeros(len(linear))
+    slope[0], slope[place] = fraction / heater, 1.0 / heater
+    half = _NORMAL * math.sqrt(max(0.0, float(inflated * (slope @ np.linalg.pinv(basis.T @ basis) @ slope))))
+    return CoolerGain(fraction, fraction - half, fraction + half)
+
+
+def _from_plain(course: PowerCourse) -> _LoadFit:
+    """Return the best heater without loads, with those that it then asks for: loads found first may replace a cooler.
+
+    The first is a pulse, on and off again: neither of its edges explains much alone.
+    """
+    lag = course.length / _PLAIN_LAG
+    plain = _refined(course, lag, 0.0, _PLAIN_DELAY * lag, np.empty(0))
+    tried = np.linspace(*_EDGES, _INSTANTS) * course.length
+    steps, (on, off) = risen(course.middle, tried, plain.lag, 0.0), np.triu_indices(_INSTANTS, 1)
+    q, _ = np.linalg.qr(course.basis(plain.lag, 0.0, plain.delay, ()))
+    fresh = steps - q @ (q.T @ steps)
+    pulses = fresh[:, on] - fresh[:, off]
+    score = (pulses.T @ course.readings) ** 2 / np.maximum(np.sum(pulses**2, axis=0), 1e-12)
+    pulse = tried[[on[place := int(np.argmax(score))], off[place]]]
+    fits = [plain, _refined(course, plain.lag, 0.0, plain.delay, pulse)]
+    best = min(fits, key=_worth)
+    _, instants = _added(course, course.basis(best.lag, 0.0, best.delay, best.instants),
+                         risen(course.middle, tried, best.lag, 0.0), tried, best.instants)
+    fits.append(_refined(course, best.lag, 0.0, best.delay, instants))
+    best = min(fits, key=_worth)
+    fits.append(_refined(course, best.lag, _RATIO, best.delay, best.instants))
+    return _pruned(course, min(fits, key=_worth))
+
+
 class _LoadTrial(NamedTuple):
     """A start, and the heater that goes with it."""
 
@@ -369,8 +457,11 @@ def _bent(course: PowerCourse, fit: _LoadFit) -> Array:
     """Return what the readings change by with lags, dead time and the instants of loads, shape (m, 3 + loads)."""
     def readings(lag: float, ratio: float, delay: float, at: Array) -> Array:
         loads = fit.linear[len(fit.linear) - len(at):]
-        return np.asarray(
-            fit.linear[0] * course.answer(lag, ratio, delay) + risen(course.middle, at, lag, ratio) @ loads)
+        driven = fit.linear[0] * course.answer(lag, ratio, delay) + risen(course.middle, at, lag, ratio) @ loads
+        if course.cooling is None:
+            return np.asarray(driven)
+        cooler = course.basis(lag, ratio, delay, ())[:, -1]
+        return np.asarray(driven + fit.linear[len(fit.linear) - len(at) - 1] * cooler)
 
     lag, ratio, delay, at = fit.lag, max(fit.ratio, _SOME), fit.delay, fit.instants
     some = max(_SOME * delay, course.step)

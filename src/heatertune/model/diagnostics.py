@@ -83,6 +83,12 @@ def unit_findings(fitted: FittedModel, logs: Sequence[Log]) -> tuple[Finding, ..
                   if role in taken.columns and role not in taken.stated}
         if taken.assumed or doubts:
             findings.append(Finding(name="unit-assumed", message=_unit_sentence(taken, doubts)))
+        elif taken.begins_as_room:
+            findings.append(Finding(name="begins-as-room", message=(
+                f"nothing in {taken.file} shows the unit of {_HOLDS['temperature']} "
+                f"({taken.columns['temperature'][0]}); it is taken as °C because it begins at "
+                f"{float(log.temperature_degC[0]):.3g}, a room temperature only in °C; state it for a heater in the "
+                f"cold: {taken.unit_option('temperature')}")))
     return tuple(findings)
 
 

@@ -22,12 +22,14 @@ class FindingKind(NamedTuple):
         short: the finding, for the verdict line.
         remedy: how to resolve it.
         by_case: whether the sentence with this log's figures replaces the short form.
+        is_assumption: whether it is what a verdict assumes, not what it leaves open.
     """
 
     effect: Effect
     short: str
     remedy: str
     by_case: bool = False
+    is_assumption: bool = False
 
 
 #: name → kind; the manual's table and --accept's choices are made of this
@@ -147,6 +149,9 @@ KINDS: Final[dict[str, FindingKind]] = {
     "unit-assumed": FindingKind(
         "blocks", "a unit is assumed for which the log has no evidence",
         "check and state it (--time-unit, --temperature-unit, --power-full-scale; heatertune read shows which)"),
+    "begins-as-room": FindingKind(
+        "told", "the temperature is in °C, as the log begins like a room in °C",
+        "state it if it is not (--temperature-unit)", is_assumption=True),
     "closed-loop": FindingKind(
         "told", "the log is of a closed loop", "log one open-loop step"),
     "no-power": FindingKind(

@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from heatertune.arrays import Array
-from heatertune.codec import OrInfinite, register_schema
+from heatertune.codec import LEFT_OUT, OrInfinite, register_schema
 from heatertune.commissioned import AsLeftSettings
 from heatertune.errors import InputError
 from heatertune.log.log_values import Log
@@ -32,6 +32,7 @@ from heatertune.proof.acceptance import Coverage
 from heatertune.proof.as_left_figures import (
     LEAST_STEP_DEGC,
     LEAVES,
+    ProvenLoop,
     TraceMeasurement,
     TracePart,
     TraceParts,
@@ -230,6 +231,7 @@ _SEEN_OF_WAY: Final = 0.5  # of a heat-up that began before the trace: less of i
 _STILL: Final = 10  # equal readings one after the other that may be a frozen sensor's
 _DRAWN: Final = 1500  # instants of a picture
 _ENDS: Final = frozenset(TIME_OF.values())
+_LESS_RESERVE: Final = ": a weaker heater, a lower mains voltage, or a room colder than in the proof (--ambient)"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -292,6 +294,7 @@ class AsLeft:
         outside: of the band, in order of time.
         margin_degC: by which the band is widened for what a reading cannot tell [°C].
         time_s, temperature_degC, power_pct: the trace, since its begin, as a picture shows it.
+        power_s: instants of the power, since the trace's begin [s]; None: `time_s`.
         band_s, low_degC, high_degC: the band, not widened.
     """
 
@@ -316,6 +319,7 @@ class AsLeft:
     band_s: Numbers
     low_degC: Numbers
     high_degC: Numbers
+    power_s: Numbers | None = field(default=None, metadata=LEFT_OUT)
 
 
 def as_left(
@@ -360,7 +364,10 @@ def as_left(
     beyond = _beyond(own[np.isin(since, shown)], low - margin, high + margin)
     outside = tuple(_outside(shown, beyond))
     step = _step_degC(parts, fitted, proof, mid_way=before_s > 0.0)
-    seen, at_best = seen_in(log, parts, proof, step), seen_in(log, parts, proof, step, forgiven_degC=margin)
+    loop = ProvenLoop([model for _, model in labelled_heaters(fitted)], _count_degC(words), words.sample_time_s,
+                      asked.ambient_degC)
+    seen = seen_in(log, parts, proof, step, loop)
+    at_best = seen_in(log, parts, proof, step, loop, forgiven_degC=margin)
     slack_s = parts.unsure_s + float(np.median(np.diff(log.time_s)))
     lines = tuple(_measurement(name, criterion, seen[name], at_best[name], slack_s,
                                before_s if name == TIME_OF["heat-up"] else 0.0)
@@ -378,7 +385,7 @@ def as_left(
         begins_by=parts.begins_by, unsure_s=parts.unsure_s, interval_s=float(np.median(np.diff(log.time_s))),
         step_degC=parts.step_degC, measurements=lines, outside=outside, margin_degC=margin,
         time_s=_numbers(since[drawn]), temperature_degC=_numbers(own[drawn]),
-        power_pct=None if log.power_pct is None else _numbers(log.power_pct[drawn]),
+        **_drawn_power(log, parts.begins_s, drawn),
         band_s=_numbers(shown[banded]), low_degC=_numbers(low[banded]), high_degC=_numbers(high[banded]))
 
 
@@ -485,7 +492,8 @@ def _against(lines: Sequence[Measurement], outside: Sequence[Outside]) -> Iterat
         if line.keeps is False:
             yield f"The {called} does not keep its limit{f': {line.message}' if '--load-at' in line.message else ''}."
         elif line.as_proven is False:
-            yield f"The {called} is worse than that of every proven run."
+            reason = _LESS_RESERVE if line.name == "power_reserve" else ""
+            yield f"The {called} is worse than that of every proven run{reason}."
     if outside:
         worst = max(outside, key=lambda stretch: abs(stretch.most_degC))
         side = "above" if worst.most_degC > 0.0 else "below"
@@ -584,6 +592,17 @@ def _drawn(time: Array, *curves: Array) -> npt.NDArray[np.intp]:
     kept = [stretch[pick] for stretch in stretches for curve in curves
             for pick in (0, int(curve[stretch].argmin()), int(curve[stretch].argmax()))]
     return np.unique([*kept, len(time) - 1])
+
+
+def _drawn_power(log: Log, begins_s: float, drawn: npt.NDArray[np.intp]) -> dict[str, Numbers | None]:
+    """Return the power as a picture shows it: at its own instants where it has any, else at those drawn of the rows."""
+    power = log.signals.get("power")
+    if power is None or power.time_s is log.time_s:
+        return {"power_pct": None if power is None else _numbers(power.values[drawn])}
+    own = power.window(float(log.time_s[0]), float(log.time_s[-1]))
+    time, values = own.until(float(log.time_s[-1]))
+    shown = _drawn(time, values)
+    return {"power_pct": _numbers(values[shown]), "power_s": _numbers(time[shown] - begins_s)}
 
 
 def _numbers(values: Array) -> Numbers:

@@ -17,6 +17,8 @@ from heatertune.commissioned import AsLeftSettings
 from heatertune.errors import InputError
 from heatertune.log.log_values import Log, LogSignal
 from heatertune.model.circumstances import reading_step_degC
+from heatertune.model.model_values import HeaterModel
+from heatertune.model.outliers import sensor_step
 from heatertune.proof.criteria import CRITERION, TIME_OF, CriterionKind, phases_measured
 from heatertune.proof.phase_statistics import (
     PhaseMeasure,
@@ -33,8 +35,8 @@ from heatertune.proof.phase_statistics import (
 from heatertune.proof.proof_document import ProofView
 
 __all__ = [
-    "LEAST_STEP_DEGC", "LEAVES", "TraceMeasurement", "TracePart", "TraceParts", "begins_mid_way", "begun_mid_way",
-    "leaves_s", "parts_of", "seen_in",
+    "LEAST_STEP_DEGC", "LEAVES", "ProvenLoop", "TraceMeasurement", "TracePart", "TraceParts", "begins_mid_way",
+    "begun_mid_way", "leaves_s", "parts_of", "seen_in",
 ]
 
 
@@ -277,6 +279,8 @@ _PERIODS_AT_REST: Final = 3  # PWM periods that a time at rest spans at least
 _AT_REST: Final = 10  # readings in it
 _SEEN_ON: Final = 1.5  # times as long as it took to get there: before, it may leave the band again
 _CALM: Final = 0.1  # of a part: so long within the band, and left again, is more than a swing
+_BETWEEN: Final = 1.5  # sampling intervals of the controller: a power written as often is written at each
+_EVENLY: Final = 0.01  # of the mean gap: instants as even may be samples in step with the pulses
 _OF_PERIOD: Final = 8  # readings in a PWM period that show its pulses and its ripple
 _HOUR_S: Final = 3600.0
 
@@ -313,8 +317,20 @@ class _PartReadings:
         return self.part.end_s - self.part.begin_s
 
 
+class ProvenLoop(NamedTuple):
+    """What a proof knows of its loop: the plausible heaters, a count of its reading [°C], its sampling interval [s].
+
+    With the ambient during the trace, if the user states it [°C].
+    """
+
+    heaters: Sequence[HeaterModel]
+    count_degC: float
+    scan_s: float
+    ambient_degC: float | None
+
+
 def seen_in(
-    log: Log, parts: TraceParts, proof: ProofView, step_degC: float, *, forgiven_degC: float = 0.0
+    log: Log, parts: TraceParts, proof: ProofView, step_degC: float, loop: ProvenLoop, *, forgiven_degC: float = 0.0
 ) -> dict[str, TraceMeasurement]:
     """Return what a trace shows of each criterion of a proof.
 
@@ -326,10 +342,12 @@ def seen_in(
         parts: what it shows.
         proof: that it is held against.
         step_degC: of which overshoot is told in percent [°C].
-        forgiven_degC: by which each reading is taken nearer to its setpoint [°C].
+        loop: whose proof it is.
+        forgiven_degC: by which each reading is taken nearer to its setpoint [°C]; above 0 a power is the least that the
+            trace leaves possible.
     """
     courses = [_course(log, parts, part, forgiven_degC) for part in parts.parts]
-    ruler = _Ruler.of(proof, step_degC, float(np.median(np.diff(log.time_s))))
+    ruler = _Ruler.of(proof, step_degC, loop, log)
     rests = [rest for course in courses if (rest := ruler.rest_of(course)) is not None]
     over_all = {**_at_rest(rests, ruler, at_best=forgiven_degC > 0.0), switchings_per_h: _switchings(log, ruler)}
 
@@ -354,6 +372,11 @@ class _Ruler:
         slowest_s: that a proven run took to be back in the band after a disturbance [s].
         interval_s: between two readings [s].
         highest_degC: highest setpoint of the proof [°C].
+        loop: whose proof it is.
+        power_interval_s: between two instants of the power; 0: each change of it has its own [s].
+        power_step_pct: of the power as it is written [%].
+        reading_degC: a step of the readings, or of the controller's own where that is larger [°C].
+        proof_ambient_degC: of the proof; None: that of each heater [°C].
     """
 
     band_degC: float
@@ -364,21 +387,36 @@ class _Ruler:
     slowest_s: float
     interval_s: float
     highest_degC: float
+    loop: ProvenLoop
+    power_interval_s: float
+    power_step_pct: float
+    reading_degC: float
+    proof_ambient_degC: float | None
 
     @classmethod
-    def of(cls, proof: ProofView, step_degC: float, interval_s: float) -> _Ruler:
+    def of(cls, proof: ProofView, step_degC: float, loop: ProvenLoop, log: Log) -> _Ruler:
         period = proof.actuator.pwm_period_s
         first = phases_measured(proof.scenario, proof.limits, proof.scenario.duration_s, period)[0]
         times = [proof.criteria[name].value for name in ("recovery_time", "change_time") if name in proof.criteria]
         limits = {name: criterion.limit for name, criterion in proof.criteria.items()}
+        power = log.signals.get("power")
         return cls(band_degC=limits["limit_cycle"] or proof.limits.tolerance_degC, pct=100.0 / step_degC, limits=limits,
-                   rests_after_s=first.rest_s - first.begin_s, period_s=period, interval_s=interval_s,
-                   slowest_s=max(times, default=first.end_s), highest_degC=max(proof.scenario.setpoints_degC))
+                   rests_after_s=first.rest_s - first.begin_s, period_s=period, interval_s=_interval_s(log),
+                   slowest_s=max(times, default=first.end_s), highest_degC=max(proof.scenario.setpoints_degC),
+                   loop=loop, power_interval_s=0.0 if power is None else _power_interval_s(log, power),
+                   power_step_pct=0.0 if power is None else sensor_step(power.values) or 0.0,
+                   reading_degC=max(sensor_step(log.temperature_degC) or 0.0, loop.count_degC),
+                   proof_ambient_degC=proof.scenario.ambient_degC)
 
     @property
     def shows_pulses(self) -> bool:
         """Whether the readings are near enough to one another to show what the PWM does."""
         return _OF_PERIOD * self.interval_s <= self.period_s
+
+    @property
+    def shows_power(self) -> bool:
+        """Whether the instants of the power are near enough to one another to show its pulses."""
+        return _OF_PERIOD * self.power_interval_s <= self.period_s
 
     def worst(self, kind: CriterionKind, courses: Sequence[_PartReadings]) -> TraceMeasurement:
         """Return what the worst of some parts shows; one that cannot be measured leaves the criterion so."""
@@ -508,9 +546,11 @@ def _reserve(rests: Sequence[_PartReadings], ruler: _Ruler, *, at_best: bool) ->
             and rest.part.kind != "recovery" and rest.power is not None]
     if not held:
         return TraceMeasurement(None, "no power at the highest setpoint's rest in the trace")
-    if any(map(_is_pulses, held)) and not ruler.shows_pulses:
+    if any(map(_is_pulses, held)) and not ruler.shows_power:
         return _too_slow(ruler)  # in step with the period, the mean of such readings may be any
-    return TraceMeasurement(min(100.0 - _mean_power(rest) + at_best * _unsure_pct(rest, ruler) for rest in held))
+    least, unsure = min(((100.0 - _mean_power(rest), _unsure_pct(rest, ruler)) for rest in held),
+                        key=lambda entry: entry[0] + at_best * entry[1].total)
+    return TraceMeasurement(least + at_best * (unsure.total + _of_room_pct(ruler)), unsure.summary)
 
 
 def _mean(time_s: Array, values: Array) -> float:
@@ -525,9 +565,73 @@ def _mean_power(rest: _PartReadings) -> float:
     return float(np.sum(rest.power.values[:len(held_s)] * held_s) / (end - rest.time_s[0]))
 
 
-def _unsure_pct(rest: _PartReadings, ruler: _Ruler) -> float:
-    """Return by how much a mean of pulses read in step with their period may be off [%]: one reading in each period."""
-    return 100.0 * ruler.interval_s / ruler.period_s if _is_pulses(rest) else 0.0
+class _PowerTolerance(NamedTuple):
+    """By how much a mean power may be below what a trace shows [% of full power], by what that follows from.
+
+    Attributes:
+        resolution: half a step of the power as written; of sampled pulses one sample in each period, of another sampled
+            power twice the standard error of its mean.
+        reading: what it takes to hold half a step of the readings, and what they are beyond the setpoint on average.
+        ripple: what it takes to hold half the ripple of the PWM, of which a controller in step with it sees one side.
+        length: heat that went into the heater since the rest began, and the part of a PWM period at its end.
+        length_s: of the rest [s].
+    """
+
+    resolution: float
+    reading: float
+    ripple: float
+    length: float
+    length_s: float
+
+    @property
+    def total(self) -> float:
+        return self.resolution + self.reading + self.ripple + self.length
+
+    @property
+    def summary(self) -> str:
+        return (f"known to within {self.total:.2g} %: {self.resolution:.2g} % for the steps of the power, "
+                f"{self.reading:.2g} % for those of the readings, {self.ripple:.2g} % for the ripple, "
+                f"{self.length:.2g} % for a rest of {self.length_s:.0f} s")
+
+
+def _unsure_pct(rest: _PartReadings, ruler: _Ruler) -> _PowerTolerance:
+    """Return what a mean power at rest is known to within."""
+    assert rest.power is not None
+    length, interval, duty = float(np.ptp(rest.time_s)), ruler.power_interval_s, _mean_power(rest) / 100.0
+    swing = 100.0 * abs(duty * (1.0 - duty)) * ruler.period_s  # of the energy within a PWM period [% s]
+    if _is_pulses(rest):
+        resolution, cut = 100.0 * interval / ruler.period_s, swing / length  # it may end within a period
+    else:
+        between = interval > _BETWEEN * ruler.loop.scan_s  # it is set more often than it is written
+        spread = 2.0 * float(np.std(rest.power.values)) / math.sqrt(len(rest.power.values))
+        resolution, cut = ruler.power_step_pct / 2.0 + between * spread, 0.0
+    sign = math.copysign(1.0, ruler.loop.heaters[0].gain_degC_per_pct)
+    slope, mean = float(np.polyfit(rest.time_s, rest.error_degC, 1)[0]), _mean(rest.time_s, rest.error_degC)
+    warmed, beyond = max(0.0, sign * slope * length) + ruler.reading_degC, max(0.0, sign * mean)
+    gains = [abs(heater.gain_degC_per_pct) for heater in ruler.loop.heaters]
+    slowest = max(sum(heater.lags_s) / gain for heater, gain in zip(ruler.loop.heaters, gains, strict=True))
+    held = (ruler.reading_degC / 2.0 + beyond) / min(gains)
+    fastest = min(max(heater.lags_s) for heater in ruler.loop.heaters)
+    return _PowerTolerance(resolution, held, swing / 2.0 / fastest, cut + slowest * warmed / length, length)
+
+
+def _of_room_pct(ruler: _Ruler) -> float:
+    """Return the power that a room as the user states it takes more than that of the proof [% of full power]."""
+    if ruler.loop.ambient_degC is None:
+        return 0.0
+    rooms = [heater.ambient_degC if ruler.proof_ambient_degC is None else ruler.proof_ambient_degC
+             for heater in ruler.loop.heaters]
+    return max((float(room or 0.0) - ruler.loop.ambient_degC) / heater.gain_degC_per_pct
+               for room, heater in zip(rooms, ruler.loop.heaters, strict=True))
+
+
+def _power_interval_s(log: Log, power: LogSignal) -> float:
+    """Return how far apart the instants of a power are [s]; 0: there is one for each of its changes, and no others."""
+    gaps = np.diff(power.time_s)
+    if power.time_s is not log.time_s and len(gaps) and np.all(np.diff(power.values) != 0.0) and (
+            float(np.ptp(gaps)) > _EVENLY * float(gaps.mean())):
+        return power.late_s
+    return float(np.median(gaps)) if len(gaps) else 0.0
 
 
 def _is_pulses(rest: _PartReadings) -> bool:
@@ -552,7 +656,7 @@ def _switchings(log: Log, ruler: _Ruler) -> TraceMeasurement:
     power = log.signals.get("power")
     if power is None or not np.isin(power.values, (0.0, 100.0)).all():
         return TraceMeasurement(None, "the heater's switch is not in the trace")
-    if not ruler.shows_pulses and power.time_s is log.time_s:
+    if not ruler.shows_power:
         return _too_slow(ruler)
     closings = float(np.count_nonzero(np.diff(power.values) > 0.0))
     return TraceMeasurement(closings / (float(np.ptp(log.time_s)) / _HOUR_S))

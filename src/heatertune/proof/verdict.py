@@ -280,9 +280,10 @@ def told_of(proof: Document) -> list[str]:
 def told_by_kind(proof: Document) -> dict[str, list[str]]:
     """Return the same by what it is: "not known", "not tested", "assumed", "asked" or "changed"."""
     findings = [(KINDS[finding["name"]], finding["accepted"]) for finding in proof["findings"]]
-    others = [kind.short for kind, _ in findings if kind.effect != "blocks"]
+    others = [kind.short for kind, _ in findings if kind.effect != "blocks" and not kind.is_assumption]
     accepted = [f"accepted: {kind.short}" for kind, accepts in findings if accepts]
     assumed = [f"assumed: {ASSUMED[name].format(value)}" for name, value in proof["assumed"].items()]
+    assumed += dict.fromkeys(f"assumed: {kind.short}" for kind, _ in findings if kind.is_assumption)
     return {
         "not known": list(dict.fromkeys(others)), "not tested": list(proof["not_tested"]),
         "assumed": [*assumed, *accepted],

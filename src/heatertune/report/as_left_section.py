@@ -156,7 +156,7 @@ def plot_watch(watch: Document) -> Figure:
 
 
 #: keys of the document that contain curves
-CURVES: Final = ("time_s", "temperature_degC", "power_pct", "band_s", "low_degC", "high_degC")
+CURVES: Final = ("time_s", "temperature_degC", "power_s", "power_pct", "band_s", "low_degC", "high_degC")
 
 
 def measured_text(line: Document) -> str:
@@ -215,7 +215,7 @@ def plot_as_left(left: Document) -> Figure:
     top.set_ylabel("temperature [°C]")
     key(top, ("measured", "log"), ("between the lowest and highest of the proven runs", "other"))
     for ax in others:
-        ax.step(left["time_s"], left["power_pct"], where="post", label="power", **LOOK["log"])
+        ax.step(left.get("power_s") or left["time_s"], left["power_pct"], where="post", label="power", **LOOK["log"])
         ax.set(ylabel="power [%]", ylim=(-4, 104))
     (others or [top])[-1].set_xlabel("time since the setpoint change [s]")
     return figure

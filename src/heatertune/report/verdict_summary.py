@@ -154,7 +154,8 @@ def model_brief(model: Document, out: str | None = None) -> str:
     """Return a fit on one screen."""
     rows = [("", "value", "95 %", ""), *model_rows(model)]
     names = [finding["name"] for finding in model.get("findings", ())]
-    told = [f"{KINDS[name].short}: {remedy_of(name, names)}" for name in names]
+    told, assumed = ([f"{KINDS[name].short}: {remedy_of(name, names)}" for name in names
+                      if KINDS[name].is_assumption is part] for part in (False, True))
     others = len(model.get("candidates", ()))
     unseen = model.get("held_out")
     fit = f"{figure(model.get('fit_pct'), 3)} % of the curve"
@@ -162,7 +163,7 @@ def model_brief(model: Document, out: str | None = None) -> str:
     parts = {
         "fit": [fit], "outcome": [model["outcome_text"].rstrip(".")],
         "proven on": [f"{others} plausible heaters, which explain the log nearly as well"] if others > 1 else [],
-        "not known": told}
+        "not known": told, "assumed": assumed}
     return _with_notes(_notes(model), table(rows, right=(1,)).splitlines(), labelled_lines(parts, 14), _written(out))
 
 

@@ -344,15 +344,17 @@ def refuse_opened(log: Log, problem: PowerProblem) -> None:
 def opened_at_s(problem: PowerProblem) -> float | None:
     """Return the instant at which the heater stops responding permanently [s], or None.
 
-    A heater is fitted to the start of the log. It has stopped if this fit continues to explain the log without power,
-    and leaves ten times larger residuals with the logged power.
+    A heater is fitted to the start of the log, with a free initial state and, as a loop near its setpoint hardly shows
+    ambient and gain apart, begun at rest. It has stopped if this fit continues to explain the log without power, and
+    leaves ten times larger residuals with the logged power.
 
     Args:
         problem: of one lag.
     """
     readings = replace(problem.readings, restart_s=np.empty(0))  # a heater that stops answering passes for a jump
     thin = replace(problem, drift=False, loads_s=(), two_lags=True, readings=readings).average(_OPEN_CIRCUIT_READINGS)
-    tried = [opened for share in _PREFIXES if (opened := _after(thin, float(share))) is not None]
+    tried = [opened for start in (thin, replace(thin, at_rest=True)) for share in _PREFIXES
+             if (opened := _after(start, float(share))) is not None]
     best = min(tried, key=lambda opened: opened.squares, default=None)
     if best is None:
         return None

@@ -388,6 +388,8 @@ def _misses(way: Way) -> bool:
         return False
     thin = way.problems[place].average(_READINGS)
     fit = thin.refine(way.fits[place].vector[None, :])
+    if not np.all(np.isfinite(fit.simulated_degC)):
+        return True  # averaged, no heater with a gain above 0 is left
     left = thin.readings.temperature_degC - fit.simulated_degC
     noise = float(np.sqrt(np.mean(np.diff(left, 2) ** 2) / 6.0))
     return float(np.sqrt(np.mean(left**2))) > _MISFIT * noise
