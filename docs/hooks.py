@@ -73,7 +73,8 @@ def gallery() -> str:
         title = "".join(cells[0]["source"]).partition("\n")[0].removeprefix("# ")
         *_, picture = (output["data"]["image/png"] for cell in cells for output in cell.get("outputs", ())
                        if "image/png" in output.get("data", ()))
-        shown.append(f'<figure><img src="data:image/png;base64,{"".join(picture).strip()}" alt="{path.name}: its last picture">'
+        data = "".join(picture).strip()
+        shown.append(f'<figure><img src="data:image/png;base64,{data}" alt="{path.name}: its last picture">'
                      f"<figcaption><code>{path.name}</code><br>{title}</figcaption></figure>")
     return f'<div class="gallery">{"".join(shown)}</div>'
 

@@ -415,14 +415,14 @@ class NonlinearProgram:
         design = self.problem.design(float(gain), float(integral), float(derivative[0]) if derivative else 0.0)
         return replace(design, method="optimum of a nonlinear program (IPOPT)")
 
-    def _expression(self, field: str, given: Any) -> Any:
+    def _expression(self, field: str, value: Any) -> Any:
         """Return what a user gives as an expression of the unknowns."""
         import casadi as ca
 
         try:
-            expression = ca.SX(given)
+            expression = ca.SX(value)
         except NotImplementedError:  # of CasADi: a type that it does not take
-            raise InputError(f"{field} holds {given!r}; it must be an expression of this program's symbols, a casadi.SX"
+            raise InputError(f"{field} holds {value!r}; it must be an expression of this program's symbols, a casadi.SX"
                              ) from None
         own = ca.symvar(self.unknowns)
         known = {symbol.element_hash() for symbol in own}  # another program's symbols bear the same names
