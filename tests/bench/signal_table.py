@@ -208,6 +208,9 @@ def of_simulate(number, way, made, place):
     program = Program(["simulate", made, "--serve", "modbus", "--rate", "100"], way, place)
     time.sleep(0.5 * number)
     program.strike()
+    if way == "pipe":  # it has said all that it says, and serves on: nothing tells it that its reader has gone
+        time.sleep(5.0)
+        program.process.terminate()
     status, said = program.ended(60)
     return [f"{status}: {said[-300:]}"] if status is None or "Traceback" in said else [], program.struck
 

@@ -147,10 +147,8 @@ class RiseWatch:
 
     def see(self, time_s: float, degC: float) -> str:
         """Take a reading [s], [°C]; return why it rises too fast where two in a row do, a sentence; else nothing."""
-        if self._latest and time_s < self._latest[-1][0]:  # the PLC counts again
-            self._latest.clear()
-        while len(self._latest) > 1 and time_s - self._latest[0][0] > self._reach.window_s:
-            self._latest.popleft()
+        while len(self._latest) > 1 and not 0.0 <= time_s - self._latest[0][0] <= self._reach.window_s:
+            self._latest.popleft()  # too old, or later than now: the PLC counts again
         since_s, from_degC = self._latest[0] if self._latest else (time_s, degC)
         highest = self._reach.at(from_degC, time_s - since_s)[1]
         self._row = 0 if degC <= highest else self._row + 1
