@@ -83,7 +83,7 @@ def unit_findings(fitted: FittedModel, logs: Sequence[Log]) -> tuple[Finding, ..
                   if role in taken.columns and role not in taken.stated}
         if taken.assumed or doubts:
             findings.append(Finding(name="unit-assumed", message=_unit_sentence(taken, doubts)))
-        elif taken.begins_as_room:
+        if taken.begins_as_room and "temperature" not in doubts:
             findings.append(Finding(name="begins-as-room", message=(
                 f"nothing in {taken.file} shows the unit of {_HOLDS['temperature']} "
                 f"({taken.columns['temperature'][0]}); it is taken as °C because it begins at "
