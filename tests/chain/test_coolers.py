@@ -17,9 +17,9 @@ from heatertune.plc.design import encode, tune
 from heatertune.plc.pwm import Actuator
 from heatertune.plc.word_selection import choose_words
 from heatertune.proof import TestSequence
-from heatertune.proof.pictures import simulate_wish
 from heatertune.proof.prove_words import prove
 from heatertune.proof.redesign import DesignRequest, find_passing_design
+from heatertune.proof.report_curves import simulate_wish
 from heatertune.proof.scenario import TemperatureStep, scenario_for
 from heatertune.proof.specification import Specification
 from heatertune.settings import Conditions, TuneSettings

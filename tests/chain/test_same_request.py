@@ -56,8 +56,8 @@ def at_the_terminal(*commands, out):
 def in_the_studio(source, target, *, pressed):
     """Return verdict and words beside the download once the page has settled, or a design is asked for."""
     pytest.importorskip("nicegui")
+    from heatertune.studio.background_work import Work  # noqa: PLC0415 - likewise
     from heatertune.studio.session import Session  # noqa: PLC0415 - an extra
-    from heatertune.studio.work import Work  # noqa: PLC0415 - likewise
 
     work = Work(Session())
     work.session.change(target=target)

@@ -21,7 +21,7 @@ COMMANDS = "what only the run of a command needs: its help must not wait for it"
 #: importing module, imported module → why it is imported where it is used
 OTHERS = {
     **dict.fromkeys((("chain.pipeline", "report"), ("chain.precompile", "report"), ("chain.worker", "report.plots"), ("chain.precompile", "chain.second_opinion"),
-                     ("studio.work", "report")), "it loads matplotlib, or an optimiser, which only a report needs"),
+                     ("studio.background_work", "report")), "it loads matplotlib, or an optimiser, which only a report needs"),
     ("chain.precompile", "chain.worker"): "the worker's process imports all that a proof needs, the first process does not",
     **dict.fromkeys((("chain.stages", "model.fit"), ("chain.stages", "plc.s7_200_paper.step"),
                      ("plc.design", "pid.tune"), ("model.model_document", "model.reduction")),

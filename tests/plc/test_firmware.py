@@ -6,8 +6,8 @@ from heatertune.errors import NotRepresentable, OutOfRange
 from heatertune.pid.design_values import PidDesign, Timer, structure_of
 from heatertune.plc import Certificate, Scaling, controller_for
 from heatertune.plc.exported import TextSettings
+from heatertune.plc.firmware.firmware_pid import FirmwarePid, controller_of, gain_fields, texts_of
 from heatertune.plc.firmware.firmware_text import number_of
-from heatertune.plc.firmware.make import FirmwarePid, controller_of, gain_fields, texts_of
 from heatertune.plc.firmware.parallel import COLD, PARALLEL, TERMS, ParallelParameters
 from heatertune.plc.readback import ReadBack
 from heatertune.plc.words import WordField

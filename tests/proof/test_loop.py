@@ -15,7 +15,7 @@ from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Ramp
 from heatertune.proof import Actuator, Load, Scenario, TemperatureStep, simulate, simulate_wish
 from heatertune.proof.loop import noise_of
-from heatertune.proof.pictures import _IdealState, _law_of, _step
+from heatertune.proof.report_curves import _IdealState, _law_of, _step
 
 FAST = Actuator(pwm_period_s=10.0)
 

@@ -9,7 +9,7 @@ from heatertune.chain.documents import without_curves
 from heatertune.codec import plain
 from heatertune.model.model_values import Fopdt, model_by_hand
 from heatertune.plc import Ramp
-from heatertune.proof.pictures import pictures
+from heatertune.proof.report_curves import pictures
 from heatertune.proof.verdict import verdict_first
 from heatertune.proof.words_file import export_first
 from heatertune.report import plots

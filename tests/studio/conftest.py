@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from heatertune.model.model_values import Fopdt, model_by_hand
-from heatertune.studio import work as work_module
+from heatertune.studio import background_work as work_module
+from heatertune.studio.background_work import Work
 from heatertune.studio.session import Session
 from heatertune.studio.sheet_card import DroppedFile
-from heatertune.studio.work import Work
 
 
 @pytest.fixture(scope="session")

@@ -8,10 +8,10 @@ import pytest
 from heatertune import report
 from heatertune.commissioned import AsLeftSettings
 from heatertune.log.log_values import Log
-from heatertune.studio import work as downloads
+from heatertune.studio import background_work as downloads
+from heatertune.studio.background_work import figures, left_chart, left_sentence
 from heatertune.studio.sheet_card import DroppedFile, change_sheet, sheet
 from heatertune.studio.wording import for_page
-from heatertune.studio.work import figures, left_chart, left_sentence
 
 
 def trace_of(proof, *, degC=0.0):

@@ -14,8 +14,8 @@ from tests.live.conftest import CONDITIONS, words_of, write_design
 from heatertune import read_log, virtual_plc
 from heatertune.live.poller import Snapshot
 from heatertune.live.recorder import RecordingState
+from heatertune.studio import background_work as module
 from heatertune.studio import live_log
-from heatertune.studio import work as module
 from heatertune.studio.charts import live_charts
 from heatertune.studio.live_log import LiveLog, RecordingRequest
 from heatertune.studio.wording import for_page

@@ -20,11 +20,11 @@ from heatertune.plc.keyed_entry import typed_words
 from heatertune.proof.verdict import verdict_details, verdict_line
 from heatertune.report.plots import LOOK
 from heatertune.studio import charts, views
+from heatertune.studio.background_work import export_zip, report_page
 from heatertune.studio.loop_settings import StudioSettings, first_look, full_proof
-from heatertune.studio.picture import parts_of, picture_of
+from heatertune.studio.proof_picture import parts_of, picture_of
 from heatertune.studio.session import FrontDesign, PinnedDesign
 from heatertune.studio.sheet_card import DroppedFile
-from heatertune.studio.work import export_zip, report_page
 
 
 @pytest.fixture(scope="module")

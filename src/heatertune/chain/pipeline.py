@@ -52,10 +52,10 @@ from heatertune.proof.difference import WRITTEN_SCHEMA, WriteHistory
 from heatertune.proof.feed_forward_check import FeedForwardProof, PlainLoop, prove_feed_forward
 from heatertune.proof.folder_digest import DIGEST_FILE, demand_one_design, folder_digest
 from heatertune.proof.heaters import holding_heaters
-from heatertune.proof.pictures import pictures, proven_heaters, robustness
 from heatertune.proof.proof_document import ComparisonView, ProofView, check_document
 from heatertune.proof.prove_words import every_setpoint, tune_settings_for
 from heatertune.proof.redesign.on_samples import closed_on_samples
+from heatertune.proof.report_curves import pictures, proven_heaters, robustness
 from heatertune.proof.text_comparison import as_exported
 from heatertune.proof.verdict import PROOF_SCHEMA
 from heatertune.proof.words_file import WORDS_SCHEMA, certificate, demand_same_words, read_words, words_of

@@ -11,9 +11,9 @@ if TYPE_CHECKING:
     from heatertune.proof.loop import simulate
     from heatertune.proof.monte_carlo.draw import SampleRequest, SampleSpread, replay
     from heatertune.proof.monte_carlo.quantiles import SampleProof, prove_samples
-    from heatertune.proof.pictures import simulate_wish
     from heatertune.proof.proof import Proof, RunResult, prove_models
     from heatertune.proof.prove_words import prove
+    from heatertune.proof.report_curves import simulate_wish
     from heatertune.proof.scenario import (
         Load,
         Mains,
@@ -39,7 +39,7 @@ __getattr__, __dir__ = lazy_attributes(__name__, {
     "proof.acceptance": ("Acceptance", "Coverage", "Interlock"),
     "proof.criteria": ("Criterion", "LoopLimits"),
     "proof.prove_words": ("prove",),
-    "proof.pictures": ("simulate_wish",),
+    "proof.report_curves": ("simulate_wish",),
     "proof.loop": ("simulate",),
     "proof.proof": ("Proof", "RunResult", "prove_models"),
     "proof.monte_carlo.quantiles": ("SampleProof", "prove_samples"),

@@ -34,10 +34,10 @@ from heatertune.proof import (
     simulate_wish,
 )
 from heatertune.proof.heaters import holding_heaters, labelled_heaters
-from heatertune.proof.pictures import trace_series
 from heatertune.proof.proof_document import PaperRunView, PaperView, RivalView, SeriesView
 from heatertune.proof.prove_words import actuator_for, setpoints_for
 from heatertune.proof.repetition import apply_provenance
+from heatertune.proof.report_curves import trace_series
 from heatertune.settings import Conditions
 from heatertune.units import written
 

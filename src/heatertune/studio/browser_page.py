@@ -25,15 +25,15 @@ from heatertune.report.html import text_of
 from heatertune.report.report_text import samples_rows
 from heatertune.studio import charts, views
 from heatertune.studio.access import LARGEST_LOG
+from heatertune.studio.background_work import Work, figures, left_chart, left_sentence
 from heatertune.studio.charts import live_charts
 from heatertune.studio.controls import NUMBER_SEEN, Controls, Grey, card, chart, draw, html
 from heatertune.studio.live_log import LiveLog, RecordingRequest
 from heatertune.studio.loop_settings import DRAWN, LoopView
-from heatertune.studio.picture import Picture, picture_of
+from heatertune.studio.proof_picture import Picture, picture_of
 from heatertune.studio.session import PinnedDesign
 from heatertune.studio.sheet_card import DroppedFile, SheetCard
 from heatertune.studio.wording import assumed_told, for_page
-from heatertune.studio.work import Work, figures, left_chart, left_sentence
 from heatertune.writing import read_bytes
 
 __all__ = ["DrawnCard", "LeftCard", "LiveCard", "LoopCard", "Page"]

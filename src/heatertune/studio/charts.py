@@ -17,7 +17,7 @@ from heatertune.pid.search.robust import interval_ends
 from heatertune.report.plots import LOOK
 from heatertune.studio.live_log import RecordedTrace
 from heatertune.studio.loop_settings import LoopView
-from heatertune.studio.picture import Line, Picture, course_of, downsample, parts_of, step_corners, straight
+from heatertune.studio.proof_picture import Line, Picture, course_of, downsample, parts_of, step_corners, straight
 from heatertune.studio.session import PinnedDesign
 
 __all__ = ["Options", "heater_chart", "key_of", "live_charts", "log_chart", "loop_chart", "zooms"]

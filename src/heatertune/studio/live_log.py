@@ -14,7 +14,7 @@ from heatertune.errors import InputError
 from heatertune.live.client.connection import address_of
 from heatertune.live.controller_block import ROLES, places_given
 from heatertune.live.recorder import RecordingSetup, RecordingState, record
-from heatertune.studio.picture import downsample
+from heatertune.studio.proof_picture import downsample
 
 __all__ = ["LiveLog", "RecordedTrace", "RecordingRequest"]
 

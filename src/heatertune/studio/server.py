@@ -17,10 +17,10 @@ from heatertune.errors import HeatertuneError, InputError
 from heatertune.model.model_values import Fopdt, model_by_hand
 from heatertune.plc import TARGETS
 from heatertune.studio.access import HOST, Gate, address, new_token
+from heatertune.studio.background_work import Work
 from heatertune.studio.browser_page import Page
 from heatertune.studio.loop_settings import StudioSettings, first_look
 from heatertune.studio.session import Session, read_source
-from heatertune.studio.work import Work
 
 __all__ = ["compile_all", "serve", "warm"]
 

@@ -34,7 +34,7 @@ from heatertune.options import Option, options_of
 from heatertune.report.html import bullets, text_of
 from heatertune.settings import FitSettings, ReadSettings
 from heatertune.studio.controls import NUMBER_SEEN
-from heatertune.studio.picture import downsample, step_corners
+from heatertune.studio.proof_picture import downsample, step_corners
 from heatertune.studio.wording import for_page
 from heatertune.units import check
 

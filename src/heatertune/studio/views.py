@@ -18,7 +18,7 @@ from heatertune.proof.verdict import verdict_brief, verdict_details
 from heatertune.report.html import Markup, bullets, table, text_of
 from heatertune.report.report_text import criterion_value, figure, model_rows
 from heatertune.studio.loop_settings import LoopView
-from heatertune.studio.picture import Picture
+from heatertune.studio.proof_picture import Picture
 from heatertune.studio.session import PinnedDesign
 from heatertune.studio.wording import for_page
 from heatertune.terms import the_term

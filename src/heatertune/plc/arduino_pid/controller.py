@@ -12,6 +12,7 @@ from typing import Annotated, Final, NamedTuple
 from heatertune.errors import InputError
 from heatertune.pid.design_values import Timer
 from heatertune.plc.exported import TextSettings
+from heatertune.plc.firmware.firmware_pid import FirmwarePid, controller_of, gain_fields, texts_of
 from heatertune.plc.firmware.firmware_text import (
     PwmWindow,
     blank_matches,
@@ -24,7 +25,6 @@ from heatertune.plc.firmware.firmware_text import (
     settings_of,
     window_of,
 )
-from heatertune.plc.firmware.make import FirmwarePid, controller_of, gain_fields, texts_of
 from heatertune.plc.firmware.parallel import (
     COLD,
     NOBODY,

@@ -22,8 +22,8 @@ from heatertune.pid.design_values import Timer
 from heatertune.plc.core import Sensor, StepFunctions, count
 from heatertune.plc.cpu.statement_translation import in_ascii
 from heatertune.plc.exported import TextSettings
+from heatertune.plc.firmware.firmware_pid import FirmwarePid, controller_of, texts_of
 from heatertune.plc.firmware.firmware_text import PLACEHOLDER, UNKNOWN, commented, heater_open_point, several
-from heatertune.plc.firmware.make import FirmwarePid, controller_of, texts_of
 from heatertune.plc.open_points import OpenPoint
 from heatertune.plc.ramp import Number
 from heatertune.plc.readback import ReadBack, WordCollector, demand_whole_lines, lines_of, wrong

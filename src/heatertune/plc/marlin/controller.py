@@ -15,8 +15,8 @@ from heatertune.pid.design_values import Timer
 from heatertune.plc.controller import Controller
 from heatertune.plc.cpu.statement_translation import in_ascii
 from heatertune.plc.exported import TextSettings
+from heatertune.plc.firmware.firmware_pid import FirmwarePid, controller_of, gain_fields, texts_of
 from heatertune.plc.firmware.firmware_text import UNKNOWN, commented, heater_open_point, sensor_line, several
-from heatertune.plc.firmware.make import FirmwarePid, controller_of, gain_fields, texts_of
 from heatertune.plc.firmware.parallel import (
     COLD,
     PARALLEL,

@@ -16,6 +16,7 @@ from typing import Annotated, Any, Final, NamedTuple
 from heatertune.errors import InputError
 from heatertune.pid.design_values import Timer
 from heatertune.plc.exported import TextSettings
+from heatertune.plc.firmware.firmware_pid import FirmwarePid, controller_of, gain_fields, texts_of
 from heatertune.plc.firmware.firmware_text import (
     calls_open_point,
     commented,
@@ -25,7 +26,6 @@ from heatertune.plc.firmware.firmware_text import (
     settings_of,
     window_of,
 )
-from heatertune.plc.firmware.make import FirmwarePid, controller_of, gain_fields, texts_of
 from heatertune.plc.firmware.parallel import (
     COLD,
     NOBODY,

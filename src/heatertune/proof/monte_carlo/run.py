@@ -15,8 +15,8 @@ from heatertune.proof import LoopLimits, Proof, SampleRequest, SampleSpread, pro
 from heatertune.proof.acceptance import demand_none
 from heatertune.proof.heaters import holding_heaters
 from heatertune.proof.monte_carlo.quantiles import SampleProof, hardest_setting
-from heatertune.proof.pictures import trace_series
 from heatertune.proof.prove_words import actuator_for, course_for, limits_of, setpoints_for
+from heatertune.proof.report_curves import trace_series
 from heatertune.proof.spec_file import specification_of
 from heatertune.settings import Conditions, SampleSettings
 from heatertune.units import whole

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from heatertune.studio.loop_settings import StudioSettings, first_look, full_proof
-from heatertune.studio.picture import course_of, downsample, picture_of, step_corners, straight, walls_of
+from heatertune.studio.proof_picture import course_of, downsample, picture_of, step_corners, straight, walls_of
 
 #: judged by margins or by counting, which no line of the temperature shows
 UNSEEN = {"steady_offset", "limit_cycle", "pwm_ripple", "ms", "gain_margin", "phase_margin", "stability", "step_power",

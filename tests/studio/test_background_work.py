@@ -7,8 +7,8 @@ import pytest
 
 from heatertune.errors import ExportRefused, InputError
 from heatertune.proof.monte_carlo.run import sample_document
+from heatertune.studio import background_work as module
 from heatertune.studio import loop_settings as loop
-from heatertune.studio import work as module
 from heatertune.studio.sheet_card import DroppedFile
 
 
