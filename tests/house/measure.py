@@ -12,6 +12,7 @@ A circle is a set of modules that import each other at module level, imports for
 import ast
 import sys
 from collections import Counter, defaultdict
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,6 +22,8 @@ WORDS = frozenset(Path(__file__).with_name("names_by_grammar.txt").read_text(enc
 MANY = 8
 FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
 _ANY = ("dict[str, Any]", "Mapping[str, Any]")
+#: fields of a node that hold statements, or what holds them
+_BODIES = ("body", "orelse", "finalbody", "handlers", "cases")
 _BRANCHES = (ast.If, ast.For, ast.AsyncFor, ast.While, ast.ExceptHandler, ast.match_case, ast.IfExp, ast.Assert)
 
 
@@ -83,9 +86,15 @@ def imports(module: Module, names: set[str], nodes: list[ast.AST]) -> set[str]:
 
 def inside_functions(module: Module) -> list[ast.AST]:
     """Return the import statements that stand in functions."""
-    functions = [node for node in ast.walk(module.tree) if isinstance(node, FUNCTIONS)]
-    found = {node for function in functions for node in ast.walk(function) if isinstance(node, ast.Import | ast.ImportFrom)}
-    return sorted(found, key=lambda node: node.lineno)
+    return sorted(_late_imports(module.tree, inside=False), key=lambda node: node.lineno)
+
+
+def _late_imports(node: ast.AST, *, inside: bool) -> Iterator[ast.AST]:
+    """Yield those below a node. Imports are statements: the expressions, most of a tree, need no look."""
+    for part in (part for name in _BODIES for part in getattr(node, name, ())):
+        if inside and isinstance(part, ast.Import | ast.ImportFrom):
+            yield part
+        yield from _late_imports(part, inside=inside or isinstance(part, FUNCTIONS))
 
 
 def circles(source: list[Module]) -> list[list[str]]:
