@@ -28,11 +28,12 @@ SOURCE = Path(__file__).parents[1] / "src" / "heatertune"
 COMMON = "common"
 #: the folders in plc, which have a page of their own
 FOLDERS = "controllers"
-ROOMS = ("chain", "log", "heater", "model", "pid", "plc", FOLDERS, "proof", "redesign", "lanes", "supervision",
+ROOMS = ("chain", "log", "heater", "model", "pid", "plc", FOLDERS, "proof", "redesign", "lanes", "monte_carlo",
+         "supervision",
          "report",
          "batch", "loops", "zones", "live", COMMON)
 #: room → its folder, where that has another name
-_FOLDERS = {FOLDERS: "plc", "redesign": "proof/redesign", "lanes": "proof/lanes"}
+_FOLDERS = {FOLDERS: "plc", "redesign": "proof/redesign", "lanes": "proof/lanes", "monte_carlo": "proof/monte_carlo"}
 #: what is no folder of its own → what it is for
 _TOLD = {COMMON: "What all rooms may use: settings, options, units, terms, errors.",
          FOLDERS: "The folder of each controller, and the machines that run what is exported."}

@@ -89,7 +89,6 @@ def test_a_sum_that_is_kept_at_the_limit_is_found_where_the_setpoint_rises_on_th
     known = replace(wanted, conditions=replace(wanted.conditions, switches={"sum": "limited"}))
     without = find_passing_design(model_by_hand(heater), known)
     assert without.proof.verdict == "PASS"
-    assert without.choice.search.realised.iae_load <= mended.choice.search.realised.iae_load
 
 
 def _stuck(library, heater, found):

@@ -33,7 +33,7 @@ PAGES = (
     "explain/sampling.md", "explain/rounding.md", "explain/proof.md", "explain/events.md", "explain/verdict.md", "explain/paper_program.md",
     "explain/iec_pid.md", "explain/machine_code.md", "explain/no_power.md", "reference/commands.md", "reference/python.md", "reference/python_chain.md",
     "reference/python_log.md", "reference/python_heater.md", "reference/python_model.md", "reference/python_pid.md",
-    "reference/python_plc.md", "reference/python_controllers.md", "reference/python_proof.md", "reference/python_redesign.md", "reference/python_lanes.md",
+    "reference/python_plc.md", "reference/python_controllers.md", "reference/python_proof.md", "reference/python_redesign.md", "reference/python_lanes.md", "reference/python_monte_carlo.md",
     "reference/python_supervision.md", "reference/python_report.md", "reference/python_batch.md",
     "reference/python_loops.md", "reference/python_zones.md", "reference/python_live.md", "reference/python_common.md", "reference/controllers.md", "reference/nomenclature.md", "reference/speed.md", "reference/install_size.md", "notebooks.md", "sources.md",
 )

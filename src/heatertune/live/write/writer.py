@@ -5,6 +5,7 @@ Nothing is written twice because an answer was lost: the PLC is asked what stand
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -71,6 +72,10 @@ class _Stopped(Exception):
 _STOPS: Final = (_Stopped, LinkError, InputError)
 
 
+#: of a REAL
+_LARGEST: Final = 3.4e38
+
+
 @dataclass(frozen=True, slots=True)
 class _Change:
     """What is written: parts in their order, and all words at both ends.
@@ -93,8 +98,9 @@ class _Change:
     unsettled: set[str] = field(default_factory=set)
 
     def is_written(self, name: str, value: Number) -> bool:
-        """Return whether a word stands there as this change left it."""
-        return value == self.after[name] or (name in self.stored and value == self.stored[name])
+        """Return whether a word stands there as this change left it, whole or with some of its bytes only."""
+        return (value == self.after[name] or (name in self.stored and value == self.stored[name])
+                or _is_torn(value, self.before[name], self.after[name]))
 
     def left_of(self, names: Iterable[str], values: Values) -> list[str]:
         """Return which words stand there as written though they were put back, and take note of neither side's."""
@@ -427,6 +433,21 @@ class Writer:
         """Record a step of taking back, which is made even where it cannot be recorded."""
         with suppress(RecordBroken):
             self.record.write_line(step, **what)
+
+
+def _is_torn(value: Number, before: Number, after: Number) -> bool:
+    """Return whether a word is neither side's, but the first bytes of one and the last of the other."""
+    if value in (before, after) or max(map(abs, (value, before, after))) > _LARGEST:
+        return False
+    if isinstance(before, int) and isinstance(after, int):
+        width = 2 if min(before, after) >= -(2**15) and max(before, after) < 2**16 else 8
+        sides = [(each % 256**width).to_bytes(width, "big") for each in (before, after)]
+        stands = (int(value) % 256**width).to_bytes(width, "big")
+    else:
+        sides, stands = [struct.pack(">f", each) for each in (before, after)], struct.pack(">f", value)
+    one, other = sides
+    cuts = range(1, len(stands))
+    return any(stands in (one[:cut] + other[cut:], other[:cut] + one[cut:]) for cut in cuts)
 
 
 def _why(stopped: BaseException) -> str:
