@@ -42,7 +42,7 @@ def test_a_fan_is_fed_forward(designed, run):
         (seen | {"delta_bic_own_lag": seen["delta_bic"] + 11.0}, "proven only for what acts as power does"),
     ):
         model = json.loads((folder / "data" / "model.json").read_text())
-        (folder / "data" / "model.json").write_text(json.dumps(model | {"disturbance": changed}))
+        (folder / "data" / "model.json").write_text(json.dumps(model | {"disturbance": changed, "residuals": None}))
         status, out, err = run("feed-forward", folder)
         assert (status, out) == (2, "")
         assert match in err
