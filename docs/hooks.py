@@ -15,8 +15,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from markdown.extensions.toc import slugify
-
 from heatertune.cli import parser
 from heatertune.plc import GROUPS, TARGETS, controller_for
 from heatertune.plc.targets import commissioning
@@ -37,8 +35,6 @@ _FOLDERS = {FOLDERS: "plc", "redesign": "proof/redesign", "lanes": "proof/lanes"
 #: what is no folder of its own → what it is for
 _TOLD = {COMMON: "What all rooms may use: settings, options, units, terms, errors.",
          FOLDERS: "The folder of each controller, and the machines that run what is exported."}
-#: of your_plc.md: controller and the rest of its heading
-_SECTION = re.compile(r"^## ([\w-]+): (.+)$", re.MULTILINE)
 _MARKER = re.compile(r"^<!-- generate: (\w+) -->$", re.MULTILINE)
 
 
@@ -137,26 +133,24 @@ def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def controllers() -> str:
-    """Return which controllers there are, then what every one says of itself, and its DIFFERENCES.md."""
-    page = Path(__file__).with_name("howto") / "your_plc.md"
-    sections = dict(_SECTION.findall(page.read_text(encoding="utf-8")))
-    listed = _table(("held by", "controller", "what it is", "example and commissioning"), [
-        (group, f"[{name}](#{name})", controller_for(name).title,
-         f"[how to](../howto/your_plc.md#{slugify(f'{name}: {sections[name]}', '-')})")
+    """Return which controllers there are, each with its page."""
+    return _table(("held by", "controller", "what it is"), [
+        (group, f"[{name}](../controllers/{name}.md)", controller_for(name).title)
         for group, names in GROUPS.items() for name in names])
-    return "\n".join([listed, *(_controller(name, package) for name, package in TARGETS.items())])
 
 
-def _controller(name: str, package: str) -> str:
+def controller(name: str) -> str:
+    """Return what a controller can hold, its words, and its DIFFERENCES.md."""
     each = controller_for(name)
     low, high, step = each.timer.shortest_s, each.timer.longest_s, each.timer.step_s
     words = "\n".join(f"| {f.address} | {f.name} | {f.format} | {f.low:.6g} … {f.high:.6g} | {f.comment} |"
                       for f in each.fields)
     told = "\n".join([*(f"- can: {can}" for can in each.can), *(f"- can't: {cannot}" for cannot in each.cannot)])
-    differences = SOURCE.joinpath(*package.split(".")[1:], "DIFFERENCES.md").read_text(encoding="utf-8")
-    body = re.sub(r"^(#+) ", lambda found: f"{found[1]}## ", differences.partition("\n")[2], flags=re.MULTILINE)
-    return (f"## {name}\n\n{each.title}. TA {low:g} … {high:g} s in steps of {step:g} s.\n\n{told}\n\n"
-            f"| address | word | format | range | meaning |\n| --- | --- | --- | --- | --- |\n{words}\n\n{body}\n")
+    folder = SOURCE.joinpath(*TARGETS[name].split(".")[1:])
+    differences = (folder / "DIFFERENCES.md").read_text(encoding="utf-8")
+    return (f"{each.title}. TA {low:g} … {high:g} s in steps of {step:g} s.\n\n{told}\n\n"
+            f"| address | word | format | range | meaning |\n| --- | --- | --- | --- | --- |\n{words}\n\n"
+            f"{differences.partition(chr(10))[2]}\n")
 
 
 def service(target: str) -> str:
@@ -210,6 +204,7 @@ GENERATORS: dict[str, Callable[[], str]] = {
     "conditions": conditions, "events": events, "excluded": excluded, "rooms": rooms, "plant": plant,
     "gallery": gallery,
 } | {f"service_{name.replace('-', '_')}": partial(service, name) for name in TARGETS
+} | {f"controller_{name.replace('-', '_')}": partial(controller, name) for name in TARGETS
 } | {f"python_{room}": partial(python, room) for room in ROOMS}
 
 

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from heatertune.cli import main
+from heatertune.plc import TARGETS
 
 DOCS = Path(__file__).parents[2] / "docs"
 #: in the order of the navigation: a reader's order
@@ -35,7 +36,7 @@ PAGES = (
     "reference/python_log.md", "reference/python_heater.md", "reference/python_model.md", "reference/python_pid.md",
     "reference/python_plc.md", "reference/python_controllers.md", "reference/python_proof.md", "reference/python_redesign.md", "reference/python_lanes.md", "reference/python_monte_carlo.md",
     "reference/python_supervision.md", "reference/python_report.md", "reference/python_batch.md",
-    "reference/python_loops.md", "reference/python_zones.md", "reference/python_live.md", "reference/python_common.md", "reference/controllers.md", "reference/nomenclature.md", "reference/speed.md", "reference/install_size.md", "notebooks.md", "sources.md",
+    "reference/python_loops.md", "reference/python_zones.md", "reference/python_live.md", "reference/python_common.md", "reference/controllers.md", *(f"controllers/{name}.md" for name in TARGETS), "reference/nomenclature.md", "reference/speed.md", "reference/install_size.md", "notebooks.md", "sources.md",
 )
 #: its commands read files of the user: tests/house/test_readme.py runs them after those of the README
 OVERVIEW = "howto/overview.md"
