@@ -87,6 +87,8 @@ class FitOptions(TypedDict, total=False):
     ambient_degC: float | tuple[float, float] | None
     #: power before the log's first reading [%]
     power_before_pct: float | None
+    #: first instant of the log to use [s]
+    from_s: float | None
     #: last instant of the log to use [s]
     until_s: float | None
     #: longest dead time, if you know one [s]

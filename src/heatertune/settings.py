@@ -112,6 +112,9 @@ class FitSettings:
     power_before_pct: float | None = option(
         None, float, "power before the log's first reading", unit="%", flag="--power-before",
         help="power before the first reading [%]", least=0.0, most=100.0)
+    from_s: float | None = option(
+        None, float, "first instant of the log to use", unit="s", flag="--from", dest="from_s",
+        help="first instant to use [s]; default: the first reading")
     until_s: float | None = option(
         None, float, "last instant of the log to use", unit="s", flag="--until",
         help="last instant to use [s]; default: up to a jump")

@@ -59,7 +59,7 @@ def test_a_window_begins_with_what_is_held_there():
 
 def test_a_window_without_readings_is_refused_and_a_log_goes_to_a_worker():
     log = _log()
-    with pytest.raises(OutOfRange, match="number of samples"):
+    with pytest.raises(OutOfRange, match="number of readings"):
         log.window(1e6, 2e6)
     again = pickle.loads(pickle.dumps(log))
     assert [*map(list, again.signals["power"].changes)] == [*map(list, log.signals["power"].changes)]

@@ -5,6 +5,7 @@ import pytest
 from scipy.signal import lsim, lti
 from tests.bench.identification import answer
 
+from heatertune.errors import OutOfRange
 from heatertune.log.log_values import Log
 from heatertune.model.fit import fit, fit_together
 from heatertune.model.model_values import Fopdt, TwoLag
@@ -128,3 +129,17 @@ def test_until_ends_a_log_before_its_disturbance():
     fitted = fit(_log(_read() + _thrown(1000.0, -15.0)), until_s=990.0)
     assert not _disturbances(fitted)
     assert fitted.candidates[0].window_s[1] == 988.0
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("begins", [300.0, 504.0, 510.0, 700.0])
+def test_from_begins_a_log_where_the_heater_is_not_at_rest_also_within_the_dead_time_after_a_step(begins):
+    fitted = fit(_log(_read()), from_s=begins)
+    assert fitted.candidates[0].window_s[0] == TIME[begins <= TIME][0]
+    assert f"Readings before {begins:g} s were not used." in fitted.notes
+    _is_the_heater(fitted)
+
+
+def test_a_part_without_readings_is_refused_with_what_the_log_holds():
+    with pytest.raises(OutOfRange, match=r"from 3000 to 1996 s = 0 .*>= 20; made goes from 0 to 1996 s"):
+        fit(_log(_read()), from_s=3000.0)

@@ -211,7 +211,25 @@ def _sheet_is_read_changed_and_used(page, step_log):
     full.fill("100")
     full.press("Enter")
     card.get_by_text("300 readings every 5 s").wait_for()
+    _part_is_chosen_by_a_drag(page, card)
     card.get_by_role("button", name="Use this log").click()
+
+
+def _part_is_chosen_by_a_drag(page, card):
+    picture = card.locator(".preview svg")
+    picture.scroll_into_view_if_needed()
+    box = picture.bounding_box()
+    across = [box["x"] + share * box["width"] for share in (0.25, 0.75)]
+    down = box["y"] + 0.5 * box["height"]
+    page.mouse.move(across[1], down)  # from right to left, too
+    page.mouse.down()
+    page.mouse.move(across[0], down)
+    page.mouse.up()
+    card.get_by_text(re.compile(r"\d+ of them, from 37\d(\.\d)? to 112\d s, are fitted")).wait_for()
+    assert card.get_by_label("first instant that is fitted in s").input_value().startswith("37")
+    picture.click()
+    card.get_by_text(re.compile("of them, from")).wait_for(state="detached")
+    assert card.get_by_label("last instant that is fitted in s").input_value() == ""
 
 
 def _typed(page, field, text):

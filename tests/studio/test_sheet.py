@@ -10,7 +10,8 @@ from tests.studio.conftest import MALFORMED
 
 from heatertune.log import read_log
 from heatertune.settings import FitSettings
-from heatertune.studio.sheet_card import IGNORED, DroppedFile, answers_to, change_sheet, preview, sheet
+from heatertune.studio.charts import preview
+from heatertune.studio.sheet_card import IGNORED, DroppedFile, answers_to, change_sheet, sheet
 from heatertune.studio.wording import for_page
 
 CSV = "time [s];T [°C];power [%];room\n" + "".join(
@@ -118,6 +119,22 @@ def test_the_log_of_the_sheet_is_the_readers(tmp_path):
     plain, found = read_log(path), dropped().log
     assert found.temperature_degC.tolist() == plain.temperature_degC.tolist()
     assert found.repairs == plain.repairs
+
+
+def test_a_part_of_the_log_is_chosen_and_the_rest_shaded():
+    found = change_sheet(dropped(), "window", 0, "50 150.0")
+    log, known = found.to_log()
+    assert (known.from_s, known.until_s) == (50.0, 150.0)
+    assert "40 readings every 5 s" in sheet(found)
+    assert "21 of them, from 50 to 150 s, are fitted" in sheet(found)
+    assert len(log.time_s) == 40, "the fit leaves the rest out, the picture shows it"
+    wide = 640 / 195  # of the picture, for a second
+    assert f'x="0.0" y="0" width="{50 * wide:.1f}"' in preview(log, (50.0, 150.0))
+    assert f'x="{150 * wide:.1f}" y="0" width="{45 * wide:.1f}"' in preview(log, (50.0, 150.0))
+    few = change_sheet(found, "window", 0, "50 60")
+    assert few.problem == "number of readings from 50 to 60 s = 3 is out of range: must be >= 20; log goes from 0 to 195 s"
+    assert change_sheet(few, "until_s", 0, "").assumptions.until_s is None, "the fields under the message mend it"
+    assert change_sheet(found, "window", 0, " ").assumptions.fit_settings == FitSettings(), "all of it again"
 
 
 def test_the_preview_says_what_it_shows():

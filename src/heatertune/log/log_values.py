@@ -436,8 +436,16 @@ class Log(NotebookDisplay):
         return DataFrame({name: column for name in columns if (column := getattr(self, name)) is not None})
 
     def window(self, start_s: float, end_s: float) -> Log:
-        """Return the readings with start_s <= time <= end_s."""
-        return self.part((self.time_s >= start_s) & (self.time_s <= end_s))
+        """Return the readings with start_s <= time <= end_s.
+
+        Raises:
+            OutOfRange: fewer than 20 are left.
+        """
+        rows = (self.time_s >= start_s) & (self.time_s <= end_s)
+        if (left := int(np.count_nonzero(rows))) < MIN_SAMPLES:
+            raise OutOfRange(f"number of readings from {start_s:g} to {end_s:g} s", left, (
+                f">= {MIN_SAMPLES}; {self.name} goes from {self.time_s[0]:g} to {self.time_s[-1]:g} s"))
+        return self.part(rows)
 
     def part(self, rows: npt.NDArray[np.bool_]) -> Log:
         """Return those of the readings that a mask, shape (n,), takes; other signals from the first to the last.

@@ -82,7 +82,7 @@ def fit(
         return _of_cooler(log, given, seed, progress)
     bounds, delays = _bounds(given.ambient_degC), _delays(given)
     _check_given(log, bounds, given.power_before_pct)
-    used, notes = _used(log, given.until_s)
+    used, notes = _used(log, given)
     if used.power_pct is None:
         _refuse_disturbance(log)
         _demand_laws(log, laws)
@@ -114,8 +114,8 @@ def _fit_unlogged(
     progress: Callable[[str], object],
 ) -> tuple[FittedModel, tuple[str, ...]]:
     """Return the fit of a log without power, of two-level control if that is stated or explains it best, and notes."""
-    used, notes = _used(log, settings.until_s)
-    whole = log if settings.until_s is None else used  # a quick heat-up may look like a jump
+    used, notes = _used(log, settings)
+    whole = log if settings.from_s is settings.until_s is None else used  # a quick heat-up may look like a jump
     thermostat = Thermostat.stated(settings.thermostat)
     progress(f"{log.name}: fitting the switchings of two-level control")
     switched = fit_two_level(whole, ambient_degC=bounds, thermostat=thermostat)
@@ -244,7 +244,7 @@ def fit_known(
     bounds, delays, power_before = _bounds(asked.ambient_degC), _delays(asked), asked.power_before_pct or 0.0
     _check_given(log, bounds, None)
     _refuse_disturbance(log)
-    used, notes = _used(log, asked.until_s)
+    used, notes = _used(log, asked)
     progress(f"{log.name}: running {controllers[0].name.partition(',')[0]} on the logged readings")
     ambient = _single(bounds)
     rate_all = partial(rate, ambient_degC=ambient, power_before_pct=power_before)
@@ -309,7 +309,7 @@ def fit_together(
     for log in logs:
         _check_given(log, bounds, given.power_before_pct)
         _refuse_disturbance(log)
-        used, own_notes = _used(log, given.until_s)
+        used, own_notes = _used(log, given)
         parts.append(used)
         notes += [f"{log.name}: {note}" for note in own_notes]
     names = [log.name for log in logs]
@@ -386,11 +386,18 @@ def _check_given(log: Log, ambient_degC: Bounds | None, power_before_pct: float 
             raise InputError(f"{log.name}: the power was not logged, so power_before_pct means nothing here")
 
 
-def _used(log: Log, until_s: float | None) -> tuple[Log, tuple[str, ...]]:
+def _used(log: Log, settings: FitSettings) -> tuple[Log, tuple[str, ...]]:
     """Return the part of a log to explain, and a sentence about any omitted part."""
-    if until_s is None:
-        return undisturbed_part(log) if log.power_pct is None else (log, ())  # with power it is fitted in segments
-    return log.window(float(log.time_s[0]), until_s), (f"Readings after {until_s:g} s were not used.",)
+    begin, end = settings.from_s, settings.until_s
+    notes = [] if begin is None else [f"Readings before {begin:g} s were not used."]
+    if begin is not None:
+        log = log.window(begin, float(log.time_s[-1]))
+    if end is not None:
+        return log.window(float(log.time_s[0]), end), (*notes, f"Readings after {end:g} s were not used.")
+    if log.power_pct is not None:  # it is fitted in segments
+        return log, tuple(notes)
+    used, told = undisturbed_part(log)
+    return used, (*notes, *told)
 
 
 def _cleared(

@@ -1,4 +1,7 @@
-"""Values → options of the page's charts (Apache ECharts): a unit on every axis, names beside the lines."""
+"""Values → options of the page's charts (Apache ECharts): a unit on every axis, names beside the lines.
+
+The preview of a dropped log is a drawing of its own (SVG), over which a part can be chosen.
+"""
 
 from __future__ import annotations
 
@@ -14,13 +17,14 @@ from heatertune.heater.exact import since_step
 from heatertune.log.log_values import Log
 from heatertune.model.model_values import FittedModel, HeaterModel
 from heatertune.pid.search.robust import interval_ends
+from heatertune.report.html import text_of
 from heatertune.report.plots import LOOK
 from heatertune.studio.live_log import RecordedTrace
 from heatertune.studio.loop_settings import LoopView
 from heatertune.studio.proof_picture import Line, Picture, course_of, downsample, parts_of, step_corners, straight
 from heatertune.studio.session import PinnedDesign
 
-__all__ = ["Options", "heater_chart", "key_of", "live_charts", "log_chart", "loop_chart", "zooms"]
+__all__ = ["Options", "heater_chart", "key_of", "live_charts", "log_chart", "loop_chart", "preview", "zooms"]
 
 Options = dict[str, Any]
 
@@ -51,6 +55,8 @@ _FAILING_PX: Final = 2.6  # width of the line of the run that breaks a limit
 _APART: Final = 0.06  # of the axis: room for a number of two digits in a picture of a telephone
 _LINES_OF_NUMBERS: Final = 3
 _LINE_PX: Final = 12
+_WIDE, _HIGH, _LOW = 640, 150, 34  # of the preview: its width, the temperature's height, the power's
+_EDGE: Final = 8
 
 
 def log_chart(log: Log, fitted: FittedModel) -> Options:
@@ -66,6 +72,48 @@ def log_chart(log: Log, fitted: FittedModel) -> Options:
         model = _line("model", time, simulated, "model")
         lines += [*_band(time, simulated - wide, simulated + wide), _named(model, "model")]
     return _chart("time [s]", "temperature [°C]", lines)
+
+
+def preview(log: Log, window: tuple[float, float] | None = None) -> str:
+    """Return the log as a small picture: temperature, and below it power where it is logged.
+
+    Args:
+        log: the log.
+        window: first and last instant that are fitted [s]; what lies outside is shaded; None: all of it.
+    """
+    time, temperature, signal = log.time_s, log.temperature_degC, log.signals.get("power")
+    power_s, power = (time, None) if signal is None else signal.until(float(time[-1]))
+    low, high = float(temperature.min()), float(temperature.max())
+    below = 0 if power is None else _LOW + _EDGE
+    said = (f"Temperature from {low:.4g} to {high:.4g} °C in {time[-1] - time[0]:.4g} s"
+            + ("" if power is None else f", power from {power.min():.4g} to {power.max():.4g} %"))
+    lines = _path(time, temperature, (low, high), (_EDGE, _HIGH), "temperature")
+    if power is not None:
+        lines += _path(power_s, power, (0.0, 100.0), (_HIGH + _EDGE, _HIGH + _EDGE + _LOW), "power", fixed=True)
+    first, last, high_px = float(time[0]), float(time[-1]), _HIGH + below + _EDGE
+    begin, end = ((at - first) / (last - first) * _WIDE for at in window or (first, last))
+    shades = "".join(f'<rect class="outside" x="{x:.1f}" y="0" width="{max(wide, 0.0):.1f}" height="{high_px}"/>'
+                     for x, wide in ((0.0, begin), (end, _WIDE - end)))
+    return (f'<figure class="preview"><svg viewBox="0 0 {_WIDE} {high_px}" role="img" data-first="{first:g}" '
+            f'data-last="{last:g}" aria-label="{text_of(said)}">{lines}{shades}</svg>'
+            f"<figcaption>{text_of(said)}</figcaption></figure>")
+
+
+def _path(
+    time: Array, values: Array, range_: tuple[float, float], place: tuple[float, float], kind: str, *,
+    fixed: bool = False,
+) -> str:
+    (low, high), (top, bottom) = range_, place
+    time, values = step_corners(time, values) if fixed else (time, values)
+    kept = downsample(time, values, _WIDE // 2)
+    x, y = time[kept], values[kept]
+    across = (x - time[0]) / (time[-1] - time[0]) * _WIDE
+    down = bottom - (y - low) / max(high - low, 1e-9) * (bottom - top)
+    return f'<polyline class="{kind}" points="{_points(across, down)}"/>'
+
+
+def _points(x: Sequence[float] | Array, y: Sequence[float] | Array) -> str:
+    return " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
 
 
 def live_charts(trace: RecordedTrace) -> tuple[Options, Options | None]:

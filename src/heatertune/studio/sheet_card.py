@@ -19,7 +19,6 @@ from typing import Any, Final
 import numpy as np
 from nicegui import ui
 
-from heatertune.arrays import Array
 from heatertune.commissioned import AsLeftSettings
 from heatertune.errors import HeatertuneError, InputError, LogError
 from heatertune.log import read_log
@@ -33,22 +32,18 @@ from heatertune.log.tags import TagSelection, places
 from heatertune.options import Option, options_of
 from heatertune.report.html import bullets, text_of
 from heatertune.settings import FitSettings, ReadSettings
+from heatertune.studio.charts import preview
 from heatertune.studio.controls import NUMBER_SEEN
-from heatertune.studio.proof_picture import downsample, step_corners
 from heatertune.studio.wording import for_page
 from heatertune.units import check
 
-__all__ = [
-    "IGNORED", "ROLES", "TAG_ROLES", "DroppedFile", "SheetAssumptions", "SheetCard", "SheetColumn", "change_sheet",
-    "preview", "sheet",
-]
-
+__all__ = ["IGNORED", "ROLES", "DroppedFile", "SheetAssumptions", "SheetCard", "SheetColumn", "change_sheet", "sheet"]
 
 IGNORED: Final = "ignored"
 #: of a column, as the user chooses them
 ROLES: Final = ("time", "date", "temperature", "power", "setpoint", "disturbance", "zone", IGNORED)
 #: of a tag of a long table
-TAG_ROLES: Final = ("temperature", "power", "setpoint", IGNORED)
+_TAG_ROLES: Final = ("temperature", "power", "setpoint", IGNORED)
 #: of a column of a long table
 _LONG_ROLES: Final = ("time", "tags", "values", "quality", IGNORED)
 _TAG_OPTIONS: Final = {"temperature": "tag", "power": "power_tag", "setpoint": "setpoint_tag"}
@@ -89,6 +84,7 @@ class SheetAssumptions:
         ambient_degC: temperature without power; None: found by the fit [°C].
         power_before_pct: before the first reading; None: found by the fit [%].
         power_pct: throughout a log that holds no power; None: not known [%].
+        from_s, until_s: first and last instant of the log that is fitted; None: of the log [s].
         setpoint_degC, begins_s, load_at_s: of a trace of the commissioned loop, see `AsLeftSettings`.
 
     Raises:
@@ -98,6 +94,8 @@ class SheetAssumptions:
     ambient_degC: float | None = None
     power_before_pct: float | None = None
     power_pct: float | None = None
+    from_s: float | None = None
+    until_s: float | None = None
     setpoint_degC: float | None = None
     begins_s: float | None = None
     load_at_s: float | None = None
@@ -111,7 +109,19 @@ class SheetAssumptions:
     def fit_settings(self) -> FitSettings:
         """What the fit is told; a constant power begins from none, where nothing else is said."""
         before = 0.0 if self.power_before_pct is None and self.power_pct is not None else self.power_before_pct
-        return FitSettings(ambient_degC=self.ambient_degC, power_before_pct=before)
+        return FitSettings(ambient_degC=self.ambient_degC, power_before_pct=before, from_s=self.from_s,
+                           until_s=self.until_s)
+
+    def window(self, log: Log) -> tuple[float, float]:
+        """Return first and last instant of a log that are fitted [s].
+
+        Raises:
+            OutOfRange: fewer than 20 readings lie between them.
+        """
+        first, last = float(log.time_s[0]), float(log.time_s[-1])
+        begin, end = (first if self.from_s is None else self.from_s, last if self.until_s is None else self.until_s)
+        log.window(begin, end)
+        return begin, end
 
     @property
     def about(self) -> AsLeftSettings:
@@ -169,8 +179,9 @@ class DroppedFile:
         try:
             log = _assuming(replace(
                 read_log(plain, settings, content=content, power_content=power_content), source=plain), assumed)
+            assumed.window(log)
         except HeatertuneError as refused:
-            problem = str(refused)
+            log, problem = None, str(refused)
         given: dict[str, Any] = {"settings": settings, "assumptions": assumed, "log": log, "problem": problem,
                                  "power_content": power_content}
         sheet = None
@@ -265,8 +276,8 @@ def change_sheet(dropped: DroppedFile, change: str, place: int, value: str) -> D
 
     Args:
         dropped: the file.
-        change: "column", "tag" (its role), "answer" (one of `answers_to`), a field of `SheetAssumptions`, or one of
-            `_SAID`.
+        change: "column", "tag" (its role), "answer" (one of `answers_to`), "window" (first and last instant [s] with a
+            space between them, or only that), a field of `SheetAssumptions`, or one of `_SAID`.
         place: of the column or tag.
         value: as typed or chosen.
     """
@@ -276,6 +287,9 @@ def change_sheet(dropped: DroppedFile, change: str, place: int, value: str) -> D
         answers = answers_to(dropped.problem)
         return dropped.read(**dict([answers[value]])) if value in answers else dropped
     try:
+        if change == "window":
+            begin, _, end = value.partition(" ")
+            return dropped.assume(from_s=_number_sheet(begin), until_s=_number_sheet(end))
         if change in SheetAssumptions.__slots__:
             return dropped.assume(**{change: _number_sheet(value)})
         option, meant = _SAID[change]
@@ -433,7 +447,7 @@ def _tags(sheet: Sheet, reading: Mapping[str, Any]) -> tuple[SheetColumn, ...]:
         cells.setdefault(name, []).append(cell)
     taken = {reading.get(option): role for role, option in _TAG_OPTIONS.items()}
     return tuple(
-        SheetColumn(name=name, role=taken.get(name, IGNORED), roles=TAG_ROLES, cells=tuple(held[:_ROWS]),
+        SheetColumn(name=name, role=taken.get(name, IGNORED), roles=_TAG_ROLES, cells=tuple(held[:_ROWS]),
                unit=_unit_sheet(taken.get(name, IGNORED), reading, None))
         for name, held in islice(cells.items(), _MOST_TAGS))
 
@@ -461,13 +475,12 @@ _UNITS: Final[Mapping[str, Mapping[str, str]]] = {
     "time": {"s": "s", "ms": "ms", "min": "min", "h": "h", "d": "days"},
 }
 _MOST_COLUMNS: Final = 40
-_WIDE, _HIGH, _LOW = 640, 150, 34  # of the preview: its width, the temperature's height, the power's
-_EDGE: Final = 8
 
 
 def sheet(dropped: DroppedFile) -> str:
     """Return first rows with the role and unit of each column, preview and assumptions."""
-    return "".join((_told(dropped), _table(dropped), _rest(dropped), preview(dropped.log) if dropped.log else "",
+    shown = preview(dropped.log, dropped.assumptions.window(dropped.log)) if dropped.log else ""
+    return "".join((_told(dropped), _table(dropped), _rest(dropped), shown,
                     _assumptions(dropped), _repairs(dropped.log)))
 
 
@@ -478,9 +491,11 @@ def _told(dropped: DroppedFile) -> str:
             "answer to the message", "answer", 0, {"": "choose", **answers}, "", label="Answer")
         return f'<p class="error" role="alert">error: {text_of(for_page(dropped.problem))}</p>{chosen}'
     assert dropped.log is not None
-    time = dropped.log.time_s
+    time, (begin, end) = dropped.log.time_s, dropped.assumptions.window(dropped.log)
+    used = int(np.count_nonzero((time >= begin) & (time <= end)))
+    part = "" if used == len(time) else f"; {used} of them, from {begin:g} to {end:g} s, are fitted"
     line = (f"{len(time)} readings every {float(np.median(np.diff(time))):.4g} s, "
-            f"{dropped.log.temperature_degC.min():.4g} to {dropped.log.temperature_degC.max():.4g} °C")
+            f"{dropped.log.temperature_degC.min():.4g} to {dropped.log.temperature_degC.max():.4g} °C{part}")
     return f'<p role="status" data-field="taken">{line}</p>'
 
 
@@ -538,7 +553,10 @@ def _assumptions(dropped: DroppedFile) -> str:
     assumed = dropped.assumptions
     powered = dropped.power_content is not None or any(
         column.role == "power" for column in (*dropped.columns, *dropped.tags))
-    fields = [_number("ambient temperature in °C, if known", "ambient_degC", 0, assumed.ambient_degC,
+    fields = [_number("first instant that is fitted in s", "from_s", 0, assumed.from_s,
+                      "s: fitted from (or drag over the picture; empty: all)"),
+              _number("last instant that is fitted in s", "until_s", 0, assumed.until_s, "s: fitted until"),
+              _number("ambient temperature in °C, if known", "ambient_degC", 0, assumed.ambient_degC,
                       "°C ambient (empty: found by the fit)"),
               _number("power before the log in percent, if known", "power_before_pct", 0, assumed.power_before_pct,
                       "% power before the log (empty: found by the fit)")]
@@ -577,41 +595,23 @@ def _number(name: str, change: str, place: int, value: object, label: str) -> st
             f"<span>{text_of(label)}</span></label>")
 
 
-def preview(log: Log) -> str:
-    """Return the log as a small picture: temperature, and below it power where it is logged."""
-    time, temperature, signal = log.time_s, log.temperature_degC, log.signals.get("power")
-    power_s, power = (time, None) if signal is None else signal.until(float(time[-1]))
-    low, high = float(temperature.min()), float(temperature.max())
-    below = 0 if power is None else _LOW + _EDGE
-    said = (f"Temperature from {low:.4g} to {high:.4g} °C in {time[-1] - time[0]:.4g} s"
-            + ("" if power is None else f", power from {power.min():.4g} to {power.max():.4g} %"))
-    lines = _path(time, temperature, (low, high), (_EDGE, _HIGH), "temperature")
-    if power is not None:
-        lines += _path(power_s, power, (0.0, 100.0), (_HIGH + _EDGE, _HIGH + _EDGE + _LOW), "power", fixed=True)
-    return (f'<figure class="preview"><svg viewBox="0 0 {_WIDE} {_HIGH + below + _EDGE}" role="img" '
-            f'aria-label="{text_of(said)}">{lines}</svg><figcaption>{text_of(said)}</figcaption></figure>')
-
-
-def _path(
-    time: Array, values: Array, range_: tuple[float, float], place: tuple[float, float], kind: str, *,
-    fixed: bool = False,
-) -> str:
-    (low, high), (top, bottom) = range_, place
-    time, values = step_corners(time, values) if fixed else (time, values)
-    kept = downsample(time, values, _WIDE // 2)
-    x, y = time[kept], values[kept]
-    across = (x - time[0]) / (time[-1] - time[0]) * _WIDE
-    down = bottom - (y - low) / max(high - low, 1e-9) * (bottom - top)
-    return f'<polyline class="{kind}" points="{_points(across, down)}"/>'
-
-
-def _points(x: Sequence[float] | Array, y: Sequence[float] | Array) -> str:
-    return " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
-
-
 _CHANGED: Final = """(e) => { const t = e.target; if (!t.dataset.change) return;
   emit([t.dataset.change, Number(t.dataset.place), t.type === "checkbox" ? t.checked ? "1" : "" : t.value,
         t.dataset.key]); }"""
+#: a drag over the picture chooses the part that is fitted, a click all of it
+_DRAGGED: Final = """(e) => { const svg = e.target.closest && e.target.closest(".preview svg"); if (!svg) return;
+  e.preventDefault(); svg.setPointerCapture(e.pointerId);
+  const box = svg.getBoundingClientRect(), share = (p) => Math.min(Math.max((p.clientX - box.left) / box.width, 0), 1);
+  const [left, right] = svg.querySelectorAll(".outside"), wide = svg.viewBox.baseVal.width, begun = share(e);
+  const first = Number(svg.dataset.first), span = Number(svg.dataset.last) - first;
+  const ends = (p) => [Math.min(begun, share(p)), Math.max(begun, share(p))];
+  const shade = (p) => { const [a, b] = ends(p); left.setAttribute("width", a * wide);
+    right.setAttribute("x", b * wide); right.setAttribute("width", (1 - b) * wide); };
+  const instant = (at) => (first + at * span).toPrecision(4);
+  svg.onpointermove = shade;
+  svg.onpointercancel = () => { svg.onpointermove = svg.onpointerup = null; emit(["window", 0, " ", "from_s-0"]); };
+  svg.onpointerup = (p) => { svg.onpointermove = svg.onpointerup = null; const [a, b] = ends(p);
+    emit(["window", 0, b - a < 0.01 ? " " : `${instant(a)} ${instant(b)}`, "from_s-0"]); }; }"""
 
 
 class SheetCard:
@@ -631,7 +631,8 @@ class SheetCard:
         self._card = ui.element("section").classes("card wide sheet").props('aria-labelledby="sheet-title"')
         with self._card:
             self._title = ui.html("", sanitize=False, tag="h2").props('id=sheet-title tabindex=-1')
-            self._content = ui.html("", sanitize=False).on("change", self._changed, js_handler=_CHANGED)
+            self._content = ui.html("", sanitize=False).on("change", self._changed, js_handler=_CHANGED).on(
+                "pointerdown", self._changed, js_handler=_DRAGGED)
             with ui.element("div").classes("actions"):
                 self._take = ui.button("Use this log", on_click=self._taken).props("dense")
                 self._against = ui.button("Hold against the proven design").props("outline dense")
