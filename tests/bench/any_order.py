@@ -17,7 +17,9 @@ Held against the design's own limits, with two hundredths and a step of the read
 
 Setpoints lie in the stated range; where no range is stated, from a fifth of the rise above the ambient up. What breaks
 below the lowest setpoint that the test sequence holds is counted apart, and so is a way back from an open circuit below a
-stated setpoint whose overshoot the proof tells (`outage-below`). Exit status 1 where another limit is broken.
+stated setpoint whose overshoot the proof tells (`outage-below`). Prints a table of all targets, after each number of a
+heater; "broken by mains" are those that only days at 0.81 or 1.21 of the power break. Exit status 1 where a limit is
+broken other than below.
 """
 
 import ctypes
@@ -43,7 +45,7 @@ from heatertune.proof.prove_words import setpoints_for
 from heatertune.proof.redesign import DesignRequest, find_passing_design
 from tests.bench import second_opinion
 from tests.bench.false_passes import _limits, _log
-from tests.bench.outages import Night, bench_of, passing
+from tests.bench.outages import Night, bench_of, designs
 from tests.bench.second_opinion import FOUND, TARGETS, Part
 
 MAINS = (1.0, 0.81, 1.21)
@@ -319,44 +321,68 @@ def claimed(design, proven, one):
     return not below
 
 
-def tables(targets, _folder):
-    """Yield what `passing` does, of the built-in tables."""
+def tables(targets):
+    """Yield what `designs` does, of the built-in tables."""
     for table, target in product(("table3", "table4"), targets or TARGETS):
-        fitted = fit(read_log(table), None)
         try:
-            design = find_passing_design(fitted, DesignRequest(target=target))
+            fitted = fit(read_log(table), None)
+            yield int(table[-1]), target, fitted, find_passing_design(fitted, DesignRequest(target=target))
         except HeatertuneError as problem:
             print(table, target, problem)
-            continue
-        if design.proof.verdict == "PASS":
-            yield int(table[-1]), target, fitted, design
+            yield int(table[-1]), target, None, None
+
+
+#: columns of the table: what is counted of each target
+_COUNTED = ("drawn", "refused", "PASS", "broken", "broken by mains", "broken below")
+
+
+def table_of(counts):
+    """Return the lines of a table of counts by (target, column), see `_COUNTED`, with their sum."""
+    targets = [target for target in TARGETS if counts[target, "drawn"]]
+    rows = [(target, *(counts[target, column] for column in _COUNTED)) for target in targets]
+    rows.append(("all", *(sum(numbers) for numbers in list(zip(*rows, strict=True))[1:])))
+    head = "| target | " + " | ".join(_COUNTED) + " | PASS share |"
+    return [head, "| --- |" + " --- |" * (len(_COUNTED) + 1),
+            *("| " + " | ".join(map(str, row)) + f" | {row[3] / max(1, row[1] - row[2]):.0%} |" for row in rows)]
+
+
+def _judge_design(library, fitted, design, seed, target, counts, kinds):
+    """Enter what the days of a design break into the counts, and print it."""
+    within, below = [], []
+    for mains, name, setting, low, found in judged(library, fitted, design, seed):
+        for each in found:
+            (within if claimed(design, low, each) else below).append((mains, name, setting, each))
+    counts[target, "PASS"] += 1
+    counts[target, "broken"] += bool(within)
+    counts[target, "broken by mains"] += bool(within) and all(mains != 1.0 for mains, *_ in within)
+    counts[target, "broken below"] += bool(below) and not within
+    for bad, where, most in ((within, "in range", 3), (below, "below the range", 2)):
+        for each in sorted(bad, key=lambda one: -one[3][0])[:most]:
+            print(seed, target, where, each, flush=True)
+        kinds.update((target, one[1], one[3][-1], where) for *_, one in bad)
+    print(seed, target, f"{len(within)} in range, {len(below)} below" if within or below else "ok", flush=True)
 
 
 def main(first=0, last=6, *targets):
-    proven = wrong = below = 0
-    kinds = Counter()
+    counts, kinds, before = Counter(), Counter(), None
     with tempfile.TemporaryDirectory() as folder:
         library = compiled(folder)
-        designs = tables((last, *targets) if last != 6 else (), folder) if first == "tables" else (
-            passing(first, last, targets, folder))
-        for seed, target, fitted, design in designs:
-            proven += 1
-            bad = [(mains, name, setting, proven_low, each)
-                   for mains, name, setting, proven_low, found in judged(library, fitted, design, seed) for each in found]
-            within = [each for each in bad if claimed(design, each[3], each[4])]
-            wrong += bool(within)
-            below += bool(bad) and not within
-            for *_, low, one in bad:
-                kinds[target, one[1], one[3][-1], "in range" if claimed(design, low, one) else "below the range"] += 1
-            for each in sorted(within, key=lambda one: -one[4][0])[:3]:
-                print(seed, target, "in range", each, flush=True)
-            for each in sorted((one for one in bad if one not in within), key=lambda one: -one[4][0])[:2]:
-                print(seed, target, "below the range", each, flush=True)
-            print(seed, target, "ok" if not bad else f"{len(within)} in range, {len(bad) - len(within)} below", flush=True)
+        drawn = tables((last, *targets) if last != 6 else ()) if first == "tables" else designs(first, last, targets, folder)
+        for seed, target, fitted, design in drawn:
+            if before not in (None, seed):
+                print(*table_of(counts), sep="\n", flush=True)
+            before = seed
+            counts[target, "drawn"] += 1
+            counts[target, "refused"] += design is None
+            if design is not None and design.proof.verdict == "PASS":
+                _judge_design(library, fitted, design, seed, target, counts, kinds)
+            else:
+                why = "refused" if design is None else f"{design.proof.verdict}: {', '.join(design.proof.shortfalls)}"
+                print(seed, target, why, flush=True)
     for each, number in kinds.most_common():
         print(number, *each)
-    print(f"{proven} PASS, {wrong} break a limit in the range of their setpoints, {below} only below it")
-    return bool(wrong)
+    print(*table_of(counts), sep="\n")
+    return any(number for (_, column), number in counts.items() if column == "broken")
 
 
 if __name__ == "__main__":

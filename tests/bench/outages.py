@@ -282,16 +282,20 @@ def told_of(library, model, design, settings, seed):
     return [*found, *(f"{share:.3f} of the limit {where}" for share, where in beyond if share > SHORT_SLACK)], peak[0]
 
 
-def passing(first, last, targets, folder):
-    """Yield (seed, target, fitted model, design) of each drawn design that passes; no targets: all."""
+def designs(first, last, targets, folder):
+    """Yield (seed, target, fitted model, design) of each drawn heater, without a design where it is refused; no targets: all."""
     for seed, target in product(range(int(first), int(last)), targets or TARGETS):
         try:
             fitted, wanted = subject(seed, target, folder)
-            design = find_passing_design(fitted, wanted)
+            yield seed, target, fitted, find_passing_design(fitted, wanted)
         except HeatertuneError:
-            continue
-        if design.proof.verdict == "PASS":
-            yield seed, target, fitted, design
+            yield seed, target, None, None
+
+
+def passing(first, last, targets, folder):
+    """Yield (seed, target, fitted model, design) of each drawn design that passes; no targets: all."""
+    return (drawn for drawn in designs(first, last, targets, folder)
+            if drawn[3] is not None and drawn[3].proof.verdict == "PASS")
 
 
 def main(first=0, last=6, *targets):

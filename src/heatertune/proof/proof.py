@@ -27,6 +27,7 @@ from heatertune.plc.words import Words
 from heatertune.proof.acceptance import Acceptance, Coverage, Interlock, Run
 from heatertune.proof.criteria import Criterion, LoopLimits, band_of, criteria_of_words, worst_of
 from heatertune.proof.heaters import MainsScenario, mains_label
+from heatertune.proof.initial_states import STATES, near_limit, nearest_to_limits, other_states, worst_state
 from heatertune.proof.long_outage import (
     JUDGED,
     LOADED,
@@ -330,8 +331,9 @@ def prove_models(
     if controller.direct is not None and coverage.whole:  # measured on traces, whose last digits differ
         for run in {0, _worst(results)}:
             results[run] = _ran(results[run], runs.judge(traced(run), run))
+    states = _with_other_states(runs, results, judged, coverage) if coverage.draws else []
     seeds, remarks = _with_draws(runs, results, judged) if coverage.draws else ({}, [])
-    heard = replace(heard, remarks=(*heard.remarks, *remarks))
+    heard = replace(heard, remarks=(*heard.remarks, *states, *remarks))
     broken: Mapping[str, tuple[Run, ...]] = {}
     if coverage.whole and all(result.verdict == "PASS" for result in results):
         found, broken = _after_nights(runs, results, coverage)
@@ -420,6 +422,38 @@ def _with_cooling(
     gain = actuator.cooling_gain or 0.0
     cooling = () if own is None else (replace(own, gain_pct_per_degC=own.gain_pct_per_degC * gain),)
     return (() if design is None else (design,)) + cooling
+
+
+def _with_other_states(
+    runs: AllRuns, results: list[RunResult], judged: Sequence[tuple[Criterion, ...]], coverage: Coverage
+) -> list[str]:
+    """Enter what the runs nearest to a limit use of it from other initial states, if all runs pass; return a remark.
+
+    Noise has a state of its own in each draw: there its draws decide.
+
+    Args:
+        runs: what ran.
+        results: of all runs.
+        judged: the criteria of each that need a run.
+        coverage: of the proof.
+    """
+    if runs.parts[0].scenario.noise_degC > 0.0 or any(result.verdict != "PASS" for result in results):
+        return []
+    near = nearest_to_limits(
+        [result.criteria[:len(ran)] for result, ran in zip(results, judged, strict=True)],
+        [near_limit(part.step_s, model.dead_time_s) for part in runs.parts for _, model, _ in part.cases],
+        [tick_degC for part in runs.parts for tick_degC in part.ticks_degC])
+    before = after = 0.0
+    for run in near:
+        part, _ = runs.place(run)
+        ran = results[run].criteria[:len(judged[run])]
+        worst = worst_state(ran, [part.again(state, [results[run].run], replace(coverage, progress=str)).judge_all()[0]
+                                  for state in other_states(part.scenario, part.loops[0].scan_s, part.step_s)])
+        results[run] = _ran(results[run], worst)
+        before, after = (max(most, *(one.strain for one in criteria)) for most, criteria in (
+            (before, ran), (after, worst)))
+    return [f"{STATES} other initial states: {100.0 * after:.3g} % of a limit is used, {100.0 * before:.3g} % before"
+            ] if after > before else []
 
 
 def _with_draws(

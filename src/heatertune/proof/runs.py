@@ -292,6 +292,17 @@ class Runs:
         return self.loops[0].resolution_degC
 
     @property
+    def step_s(self) -> float:
+        """The longest of scan, PWM period and sampling interval [s]."""
+        return max(self.loops[0].scan_s, self.actuator.pwm_period_s, self.words.sample_time_s)
+
+    @property
+    def ticks_degC(self) -> list[float]:
+        """What one tick of the PWM changes in the temperature at rest, of each run [°C]."""
+        share = self.actuator.resolution_s / self.actuator.pwm_period_s
+        return [100.0 * share * abs(model.gain_degC_per_pct) for _, model, _ in self.cases]
+
+    @property
     def scans(self) -> int:
         """Scans of a run."""
         return scans_of(self.loops[0], self.scenario)
