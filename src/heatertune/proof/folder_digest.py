@@ -1,20 +1,23 @@
 """One digest over log, model, design, parameters and proof: a folder with documents of two designs is refused.
 
 Each of these documents may be whole by itself. A folder of an earlier release has no digest over all of them; its
-parameters are proven again before they leave, as those of any folder are.
+parameters are proven again before they leave, as those of any folder are. The digest bears a mark by this user's key:
+that the model is of the log is believed of a folder that was designed here, and looked at in any other.
 """
 
 from __future__ import annotations
 
+import hmac
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
-from heatertune.codec import Document, EarlierDocument, decode, read_document, register_schema, schema_of
+from heatertune import cache
+from heatertune.codec import LEFT_OUT, Document, EarlierDocument, decode, read_document, register_schema, schema_of
 from heatertune.errors import DocumentError
 from heatertune.model import model_document
 from heatertune.pid import design_document
@@ -22,7 +25,8 @@ from heatertune.proof.proof_document import LogView, digest_of, with_digest
 from heatertune.proof.verdict import PROOF_SCHEMA
 from heatertune.proof.words_file import WORDS_SCHEMA
 
-__all__ = ["DIGEST_FILE", "DIGEST_SCHEMA", "demand_one_design", "digest_problem", "folder_digest"]
+__all__ = ["DIGEST_FILE", "DIGEST_SCHEMA", "demand_log_of_model", "demand_one_design", "digest_problem",
+           "folder_digest"]
 
 DIGEST_FILE: Final = "digest.json"
 DIGEST_SCHEMA: Final = "heatertune/digest/1"
@@ -44,10 +48,18 @@ class FolderDigest:
     Attributes:
         documents: name of a document → its digest.
         digest: of these together.
+        mark: of that digest, by the key of the user who designed; None: no key could be kept.
     """
 
     documents: Mapping[str, str]
     digest: str
+    mark: str | None = field(default=None, metadata=LEFT_OUT)
+
+    @property
+    def knows_log(self) -> bool:
+        """Whether this user designed the model of this log on this machine."""
+        own = cache.mark(self.digest) if self.mark is not None and {"log", "model"} <= self.documents.keys() else None
+        return own is not None and hmac.compare_digest(own.encode(), str(self.mark).encode(errors="replace"))
 
 
 def folder_digest(documents: Mapping[str, Document], earlier: Path | None = None) -> Document:
@@ -61,7 +73,11 @@ def folder_digest(documents: Mapping[str, Document], earlier: Path | None = None
     stored = None if earlier is None else _stored(earlier)
     stay = {} if stored is None else {name: digest for name, digest in stored.documents.items()
                                       if name not in _EXPORTED}
-    return with_digest({"schema": DIGEST_SCHEMA, "documents": {**stay, **own}})
+    document = with_digest({"schema": DIGEST_SCHEMA, "documents": {**stay, **own}})
+    if stay and stored is not None and not stored.knows_log:
+        return document  # who exports into the folder of another does not vouch for its log
+    own_mark = cache.mark(str(document["digest"]))
+    return document if own_mark is None else {**document, "mark": own_mark}
 
 
 def demand_one_design(folder: Path, remedy: str) -> None:
@@ -76,6 +92,37 @@ def demand_one_design(folder: Path, remedy: str) -> None:
     """
     if problem := digest_problem(folder):
         raise DocumentError(f"{problem}; {remedy}")
+
+
+def demand_log_of_model(folder: Path, remedy: str) -> None:
+    """Refuse a folder of another user or machine in which nothing shows whether the model is of the log.
+
+    Args:
+        folder: that holds them.
+        remedy: takes the parameters out of it without the log.
+
+    Raises:
+        DocumentError: nothing shows it; or a document is damaged.
+    """
+    stored, log, model = _stored(folder), _read(folder, "log"), _read(folder, "model")
+    if log is None or model is None or (stored is not None and stored.knows_log):
+        return
+    try:
+        why = _not_comparable(log, model) or ("" if _apart_degC(log, model) == 0.0 else "its readings are others")
+    except (KeyError, TypeError, ValueError):
+        why = "its readings and the model's residuals are not as many numbers as instants"
+    if why:
+        raise DocumentError(f"{folder / 'log.json'}: nothing shows whether the model was fitted to it: {why}, and the "
+                            f"folder was not designed by this user on this machine; {remedy}")
+
+
+def _not_comparable(log: Document, model: Document) -> str:
+    """Return why the readings of a log are not those of a model's residuals; empty where they are."""
+    fitted_to = model.get("log_summary") or ()
+    return (f"the model is of {len(fitted_to)} logs" if len(fitted_to) > 1 else
+            "the fit corrects the readings for a disturbance" if model.get("disturbance") is not None else
+            "the fit corrects the readings for a cooler" if log.get("cooling_pct") is not None else
+            "the model has no residuals" if model.get("residuals") is None else "")
 
 
 def digest_problem(folder: Path) -> str:
@@ -96,10 +143,10 @@ def _other_log(folder: Path) -> str:
     """Return that the model of a folder was fitted to another log than is there; nothing where it was not."""
     log, model = _read(folder, "log") or {}, _read(folder, "model") or {}
     with suppress(KeyError, TypeError, ValueError):  # damaged: who reads them tells it
-        fitted_to, read = model["log_summary"], log["taken"]["line"]
+        fitted_to, read = model["log_summary"], (log["taken"] or {"line": "no file"})["line"]
         if fitted_to and read not in fitted_to:
             return f"{folder / 'log.json'}: {read!r}; the model was fitted to {fitted_to[0]!r}"
-        if len(fitted_to) == 1 and (apart_degC := _apart_degC(log, model)):
+        if not _not_comparable(log, model) and (apart_degC := _apart_degC(log, model)):
             return (f"{folder / 'log.json'}: its readings differ by {apart_degC:.2g} °C (rms) from those that the "
                     "model was fitted to")
     return ""
@@ -108,18 +155,19 @@ def _other_log(folder: Path) -> str:
 def _apart_degC(log: Document, model: Document) -> float:
     """Return how far the readings of a log are from those of a model's residuals, rms [°C]; 0 where they are the same.
 
-    What a fit corrects before (a disturbance, a cooler) is not comparable. Raises KeyError, TypeError or ValueError
-    where a document is damaged.
+    Raises KeyError, TypeError or ValueError where a document is damaged.
     """
     found = model["residuals"]
-    if found is None or model.get("disturbance") is not None or log.get("cooling_pct") is not None:
-        return 0.0
     time_s, measured, simulated = (np.asarray(found[name], dtype=float)
                                    for name in ("time_s", "measured_degC", "simulated_degC"))
     at_s, degC = (np.asarray(log[name], dtype=float) for name in ("time_s", "temperature_degC"))
+    if not len(measured) or len(measured) != len(simulated):
+        raise ValueError("no residuals")
     apart, left = (float(np.sqrt(np.mean(each**2))) for each in (np.interp(time_s, at_s, degC) - measured,
                                                                 measured - simulated))
-    return apart if apart > _LEAST_DEGC + _APART * left else 0.0
+    if isinstance(fit_pct := model.get("fit_pct"), float):  # the model's own figure for what is left
+        left = min(left, (1.0 - fit_pct / 100.0) * float(np.std(measured)) + _LEAST_DEGC)
+    return 0.0 if apart <= _LEAST_DEGC + _APART * left else apart
 
 
 def _stored(folder: Path) -> FolderDigest | None:
@@ -129,7 +177,7 @@ def _stored(folder: Path) -> FolderDigest | None:
         return None
     document = read_document(path, DIGEST_SCHEMA)
     view = decode(FolderDigest, document, path)
-    if view.digest != with_digest(document)["digest"]:
+    if view.digest != with_digest({name: value for name, value in document.items() if name != "mark"})["digest"]:
         raise DocumentError(f"{path}: digest: not that of its documents: it was changed; design again")
     return view
 
