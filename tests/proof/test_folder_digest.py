@@ -114,6 +114,9 @@ def test_a_log_that_nothing_compares_is_believed_of_a_folder_with_the_users_mark
     assert digest_problem(tmp_path) == ""  # the page is drawn, and nothing leaves
     with pytest.raises(DocumentError, match=r"nothing shows whether the model was fitted to it: .*; take the parameters"):
         demand_log_of_model(tmp_path, "take the parameters")
+    write(tmp_path, {"model": found["model"] | {"outcome": "BY_HAND"}})
+    (tmp_path / "digest.json").unlink()
+    demand_log_of_model(tmp_path, "take the parameters")  # such a model says that no log supports it
     (tmp_path / "log.json").unlink()
     demand_log_of_model(tmp_path, "take the parameters")  # without a log there is none to be wrong
 

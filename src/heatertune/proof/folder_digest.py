@@ -8,7 +8,7 @@ that the model is of the log is believed of a folder that was designed here, and
 from __future__ import annotations
 
 import hmac
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,6 +20,7 @@ from heatertune import cache
 from heatertune.codec import LEFT_OUT, Document, EarlierDocument, decode, read_document, register_schema, schema_of
 from heatertune.errors import DocumentError
 from heatertune.model import model_document
+from heatertune.model.model_values import FitOutcome
 from heatertune.pid import design_document
 from heatertune.proof.proof_document import LogView, digest_of, with_digest
 from heatertune.proof.verdict import PROOF_SCHEMA
@@ -36,6 +37,8 @@ _SCHEMAS: Final[Mapping[str, str]] = {
 #: readings of two logs differ by more than a fit leaves over (rms, times), and than documents round [°C]
 _APART: Final = 2.0
 _LEAST_DEGC: Final = 1e-3
+#: outcome of a model that was entered by its numbers, and that says that no log supports it
+_BY_HAND: Final = FitOutcome.BY_HAND.name
 #: that an export writes; log and model stay where `design` wrote them
 _EXPORTED: Final = ("pid", "words", "proof")
 
@@ -55,6 +58,10 @@ class FolderDigest:
     digest: str
     mark: str | None = field(default=None, metadata=LEFT_OUT)
 
+    def without(self, names: Collection[str]) -> dict[str, str]:
+        """Return the digests of all documents but some."""
+        return {name: digest for name, digest in self.documents.items() if name not in names}
+
     @property
     def knows_log(self) -> bool:
         """Whether this user designed the model of this log on this machine."""
@@ -71,13 +78,11 @@ def folder_digest(documents: Mapping[str, Document], earlier: Path | None = None
     """
     own = {name: digest_of(documents[name]) for name in _SCHEMAS if name in documents}
     stored = None if earlier is None else _stored(earlier)
-    stay = {} if stored is None else {name: digest for name, digest in stored.documents.items()
-                                      if name not in _EXPORTED}
+    stay = {} if stored is None else stored.without(_EXPORTED)
     document = with_digest({"schema": DIGEST_SCHEMA, "documents": {**stay, **own}})
-    if stay and stored is not None and not stored.knows_log:
-        return document  # who exports into the folder of another does not vouch for its log
-    own_mark = cache.mark(str(document["digest"]))
-    return document if own_mark is None else {**document, "mark": own_mark}
+    # who exports into the folder of another does not vouch for its log
+    mark = None if stored is not None and stay and not stored.knows_log else cache.mark(str(document["digest"]))
+    return document if mark is None else {**document, "mark": mark}
 
 
 def demand_one_design(folder: Path, remedy: str) -> None:
@@ -104,25 +109,16 @@ def demand_log_of_model(folder: Path, remedy: str) -> None:
     Raises:
         DocumentError: nothing shows it; or a document is damaged.
     """
-    stored, log, model = _stored(folder), _read(folder, "log"), _read(folder, "model")
-    if log is None or model is None or (stored is not None and stored.knows_log):
+    log, model, stored = _read(folder, "log"), _read(folder, "model"), _stored(folder)
+    if log is None or model is None or model.get("outcome") == _BY_HAND or (stored is not None and stored.knows_log):
         return
     try:
-        why = _not_comparable(log, model) or ("" if _apart_degC(log, model) == 0.0 else "its readings are others")
-    except (KeyError, TypeError, ValueError):
-        why = "its readings and the model's residuals are not as many numbers as instants"
-    if why:
-        raise DocumentError(f"{folder / 'log.json'}: nothing shows whether the model was fitted to it: {why}, and the "
-                            f"folder was not designed by this user on this machine; {remedy}")
-
-
-def _not_comparable(log: Document, model: Document) -> str:
-    """Return why the readings of a log are not those of a model's residuals; empty where they are."""
-    fitted_to = model.get("log_summary") or ()
-    return (f"the model is of {len(fitted_to)} logs" if len(fitted_to) > 1 else
-            "the fit corrects the readings for a disturbance" if model.get("disturbance") is not None else
-            "the fit corrects the readings for a cooler" if log.get("cooling_pct") is not None else
-            "the model has no residuals" if model.get("residuals") is None else "")
+        apart = _apart_degC(log, model)
+    except (KeyError, TypeError, ValueError) as problem:
+        raise DocumentError(f"{folder / 'log.json'}: nothing shows whether the model was fitted to it: {problem}, and "
+                            f"the folder was not designed by this user on this machine; {remedy}") from None
+    if apart:
+        raise DocumentError(f"{folder / 'log.json'}: the model was fitted to other readings; {remedy}")
 
 
 def digest_problem(folder: Path) -> str:
@@ -142,11 +138,11 @@ def digest_problem(folder: Path) -> str:
 def _other_log(folder: Path) -> str:
     """Return that the model of a folder was fitted to another log than is there; nothing where it was not."""
     log, model = _read(folder, "log") or {}, _read(folder, "model") or {}
-    with suppress(KeyError, TypeError, ValueError):  # damaged: who reads them tells it
+    with suppress(KeyError, TypeError, ValueError):  # damaged, which who reads them tells; or not comparable
         fitted_to, read = model["log_summary"], (log["taken"] or {"line": "no file"})["line"]
         if fitted_to and read not in fitted_to:
             return f"{folder / 'log.json'}: {read!r}; the model was fitted to {fitted_to[0]!r}"
-        if not _not_comparable(log, model) and (apart_degC := _apart_degC(log, model)):
+        if apart_degC := _apart_degC(log, model):
             return (f"{folder / 'log.json'}: its readings differ by {apart_degC:.2g} °C (rms) from those that the "
                     "model was fitted to")
     return ""
@@ -155,19 +151,31 @@ def _other_log(folder: Path) -> str:
 def _apart_degC(log: Document, model: Document) -> float:
     """Return how far the readings of a log are from those of a model's residuals, rms [°C]; 0 where they are the same.
 
-    Raises KeyError, TypeError or ValueError where a document is damaged.
+    Raises KeyError, TypeError or ValueError where they cannot be compared, with the reason.
     """
+    _demand_comparable(log, model)
     found = model["residuals"]
     time_s, measured, simulated = (np.asarray(found[name], dtype=float)
                                    for name in ("time_s", "measured_degC", "simulated_degC"))
     at_s, degC = (np.asarray(log[name], dtype=float) for name in ("time_s", "temperature_degC"))
     if not len(measured) or len(measured) != len(simulated):
-        raise ValueError("no residuals")
+        raise ValueError("the residuals are not as many as the readings")
     apart, left = (float(np.sqrt(np.mean(each**2))) for each in (np.interp(time_s, at_s, degC) - measured,
                                                                 measured - simulated))
     if isinstance(fit_pct := model.get("fit_pct"), float):  # the model's own figure for what is left
         left = min(left, (1.0 - fit_pct / 100.0) * float(np.std(measured)) + _LEAST_DEGC)
     return 0.0 if apart <= _LEAST_DEGC + _APART * left else apart
+
+
+def _demand_comparable(log: Document, model: Document) -> None:
+    """Raise ValueError, with the reason, where a model's residuals are not of the readings of one log as they are."""
+    reasons = {"the model is of several logs": len(model.get("log_summary") or ()) > 1,
+               "the model has no residuals": model.get("residuals") is None,
+               "the fit corrects the readings for a disturbance": model.get("disturbance") is not None,
+               "the fit corrects the readings for a cooler": log.get("cooling_pct") is not None}
+    for reason, holds in reasons.items():
+        if holds:
+            raise ValueError(reason)
 
 
 def _stored(folder: Path) -> FolderDigest | None:
