@@ -28,7 +28,8 @@ from heatertune.codec import to_json
 from heatertune.errors import HeatertuneError, InputError
 from heatertune.writing import read_bytes, state_folder, write_files
 
-__all__ = ["cache_disabled", "folder", "is_as_imported", "load_or_compute", "not_private", "release", "source_digest"]
+__all__ = ["cache_disabled", "folder", "is_as_imported", "load_or_compute", "mark", "not_private", "release",
+           "source_digest"]
 
 T = TypeVar("T")
 
@@ -91,6 +92,12 @@ def _head(text: bytes, name: str, secret: bytes) -> bytes:
     """Return the first line of a kept file: schema and keyed digest of schema, name and text."""
     signed = hmac.new(secret, f"{_SCHEMA}\n{name}\n".encode() + text, hashlib.sha256).hexdigest()
     return f"{_SCHEMA} hmac-sha256:{signed}\n".encode()
+
+
+def mark(text: str) -> str | None:
+    """Return a text's keyed digest, which this user on this machine alone can make; None: no secret can be kept."""
+    secret = _machine_secret()
+    return None if secret is None else f"hmac-sha256:{hmac.new(secret, text.encode(), hashlib.sha256).hexdigest()}"
 
 
 def _document(content: bytes, name: str, secret: bytes) -> dict[str, Any]:

@@ -35,7 +35,7 @@ WAYS = ("SIGINT", "SIGTERM", "SIGHUP", "terminal", "pipe")
 #: command → the last step at which something comes
 STEPS = {"record": 8, "watch": 8, "experiment": 20, "experiment --restore": 8, "write": 30, "rollback": 16, "simulate": 4}
 _HEEDS = ("import signal, sys; [signal.signal(each, signal.SIG_DFL) for each in (1, 2, 3, 15)]; "
-          "signal.signal(signal.SIGINT, signal.default_int_handler); from heatertune.cli import main; sys.exit(main())")
+          "from heatertune.cli import main; signal.signal(signal.SIGINT, signal.default_int_handler); sys.exit(main())")
 _IN_MANUAL = bytes.fromhex("42b400000001")  # 90 %, by hand
 
 

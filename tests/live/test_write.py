@@ -37,7 +37,6 @@ from heatertune.live.write.band import Band, Reach, _Watch, carried_s
 from heatertune.live.write.plc_block import BlockImage, Peer, WritePart
 from heatertune.live.write.proven_words import read_proven
 from heatertune.live.write.write_record import WriteRecord, read_lines
-from heatertune.live.write.writer import _is_torn
 from heatertune.proof.proof_document import with_digest
 from heatertune.proof.repetition import repeat_proof
 
@@ -599,16 +598,6 @@ def test_a_line_that_a_kill_left_is_left_out_and_a_damaged_one_told(tmp_path, pl
     here.record.write_bytes(whole.replace(b'"step": "written"', b'"stop": "written"', 1))
     with pytest.raises(DocumentError, match="line 4"):
         read_lines(here.record)
-
-
-@pytest.mark.parametrize(("value", "before", "after", "torn"), [
-    (44, 300, 0, True), (256, 300, 0, True),  # 300 is 0x012C: its low byte is 44, its high byte alone 256
-    (300, 300, 0, False), (0, 300, 0, False), (45, 300, 0, False), (7, 5, 9, False), (-212, -200, 300, True),  # 0xFF38, 0x012C: 0xFF2C
-    (struct.unpack(">f", struct.pack(">f", 1.5)[:2] + struct.pack(">f", 88.1)[2:])[0], 1.5, struct.unpack(">f", struct.pack(">f", 88.1))[0], True),
-    (2.0, 1.5, 88.0, False),
-])
-def test_a_word_of_which_only_some_bytes_arrived_is_known(value, before, after, torn):
-    assert _is_torn(value, before, after) is torn
 
 
 @pytest.mark.long

@@ -4,12 +4,13 @@ The digests are computed again here, by what the manual says: SHA-256 of the JSO
 """
 
 import hashlib
+import hmac
 import json
 
 import pytest
 
 from heatertune.errors import DocumentError
-from heatertune.proof.folder_digest import demand_one_design, digest_problem, folder_digest
+from heatertune.proof.folder_digest import demand_log_of_model, demand_one_design, digest_problem, folder_digest
 
 PARTS = {"log": "heatertune/log/2", "model": "heatertune/model/3", "pid": "heatertune/pid/2", "words": "heatertune/words/2",
          "proof": "heatertune/proof/4"}
@@ -77,6 +78,82 @@ def test_readings_that_the_model_was_not_fitted_to_are_told_though_their_file_wa
     found["log"]["temperature_degC"] = [each + 2.0 for each in measured]
     write(tmp_path, found, folder_digest(found))
     assert ("its readings differ by 2 °C" in digest_problem(tmp_path)) == told
+
+
+def with_readings(which, **model):
+    """Return documents whose log is that of the model's residuals, but for what is changed in the model."""
+    found, time_s = documents(which), [5.0 * k for k in range(200)]
+    degC = [20.0 + 0.1 * k for k in range(200)]
+    found["log"] |= {"time_s": time_s, "temperature_degC": degC}
+    found["model"] |= {"residuals": {"time_s": time_s, "measured_degC": degC, "simulated_degC": [each + 0.05 for each in degC]}} | model
+    return found
+
+
+def test_the_mark_is_an_hmac_of_the_digest_by_the_users_key(tmp_path, monkeypatch):
+    monkeypatch.setenv("HEATERTUNE_STATE", str(tmp_path / "state"))
+    made = folder_digest(documents("one"))
+    key = (tmp_path / "state" / "cache.key").read_bytes()
+    assert made["mark"] == f"hmac-sha256:{hmac.new(key, made['digest'].encode(), 'sha256').hexdigest()}"
+
+
+HIDES = {"a disturbance": {"disturbance": {}}, "no residuals": {"residuals": None}, "two logs": {"log_summary": ["one: 240 rows", "two: 9 rows"]}}
+
+
+@pytest.mark.parametrize("hides", HIDES.values(), ids=HIDES)
+@pytest.mark.parametrize("mark", [None, "", "hmac-sha256:" + "0" * 64, "another user"])
+def test_a_log_that_nothing_compares_is_believed_of_a_folder_with_the_users_mark_alone(tmp_path, monkeypatch, hides, mark):
+    monkeypatch.setenv("HEATERTUNE_STATE", str(tmp_path / "state"))
+    found = with_readings("one", **hides)
+    made = folder_digest(found)
+    write(tmp_path, found, made)
+    demand_log_of_model(tmp_path, "take the parameters")
+    if mark == "another user":
+        monkeypatch.setenv("HEATERTUNE_STATE", str(tmp_path / "other"))
+    else:
+        write(tmp_path, {}, {name: value for name, value in made.items() if name != "mark"} | ({} if mark is None else {"mark": mark}))
+    assert digest_problem(tmp_path) == ""  # the page is drawn, and nothing leaves
+    with pytest.raises(DocumentError, match=r"nothing shows whether the model was fitted to it: .*; take the parameters"):
+        demand_log_of_model(tmp_path, "take the parameters")
+    write(tmp_path, {"model": found["model"] | {"outcome": "BY_HAND"}})
+    (tmp_path / "digest.json").unlink()
+    demand_log_of_model(tmp_path, "take the parameters")  # such a model says that no log supports it
+    (tmp_path / "log.json").unlink()
+    demand_log_of_model(tmp_path, "take the parameters")  # without a log there is none to be wrong
+
+
+@pytest.mark.parametrize(("change", "refused"), [
+    ({}, False), ({"temperature_degC": [float("nan")] * 200}, True), ({"temperature_degC": [20.0] * 7}, True),
+    ({"time_s": [], "temperature_degC": []}, True), ({"cooling_pct": [0.0] * 200}, True),
+    ({"temperature_degC": [20.0 + 0.15 * k for k in range(200)]}, True)])
+def test_a_log_of_another_user_is_compared_with_the_models_residuals(tmp_path, change, refused):
+    found = with_readings("one")
+    found["log"] |= change
+    made = folder_digest(found)
+    made.pop("mark", None)
+    write(tmp_path, found, made)
+    if not refused:
+        demand_log_of_model(tmp_path, "take the parameters")
+        return
+    with pytest.raises(DocumentError):
+        demand_log_of_model(tmp_path, "take the parameters")
+
+
+def test_residuals_that_are_larger_than_the_models_fit_says_hide_no_other_log(tmp_path):
+    found = with_readings("one", fit_pct=99.0)  # of readings that scatter by 5.8 °C: 0.06 °C is left
+    found["model"]["residuals"]["simulated_degC"] = [500.0] * 200
+    found["log"]["temperature_degC"] = [20.0 + 0.15 * k for k in range(200)]
+    write(tmp_path, found, folder_digest(found))
+    assert "its readings differ by" in digest_problem(tmp_path)
+
+
+def test_an_export_into_the_folder_of_another_user_does_not_vouch_for_its_log(tmp_path, monkeypatch):
+    found = with_readings("one", disturbance={})
+    made = folder_digest(found)
+    write(tmp_path, found, made)
+    exported = {name: found[name] for name in ("pid", "words", "proof")}
+    assert "mark" in folder_digest(exported, tmp_path)
+    monkeypatch.setenv("HEATERTUNE_STATE", str(tmp_path / "other"))
+    assert "mark" not in folder_digest(exported, tmp_path)
 
 
 def test_a_folder_without_a_digest_is_read_and_an_export_into_one_keeps_the_digests_of_log_and_model(tmp_path):

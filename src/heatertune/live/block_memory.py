@@ -74,10 +74,19 @@ class BlockSignal(NamedTuple):
 
     def of(self, content: bytes, begin: int = 0) -> float:
         """Return the quantity in bytes of the block that begin at one of its bytes."""
-        own = content[self.start - begin : self.start - begin + self.size]
-        found: float = struct.unpack(STRUCTS[self.format], own[2:] + own[:2] if self.turned else own)[0]
+        found = self.number(content[self.start - begin : self.start - begin + self.size])
         (raw_0, raw_1), (shown_0, shown_1) = self.raw, self.shown
         return shown_0 + (found - raw_0) * (shown_1 - shown_0) / (raw_1 - raw_0)
+
+    def number(self, cells: bytes) -> float:
+        """Return the number in its own bytes."""
+        found: float = struct.unpack(STRUCTS[self.format], cells[2:] + cells[:2] if self.turned else cells)[0]
+        return found
+
+    def stored(self, number: Number) -> bytes:
+        """Return the bytes of a number that the format holds."""
+        cells = struct.pack(STRUCTS[self.format], number)
+        return cells[2:] + cells[:2] if self.turned else cells
 
     def bytes_of(self, quantity: float) -> bytes:
         """Return the bytes that show a quantity, or that nearest to it.

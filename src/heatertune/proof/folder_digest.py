@@ -1,28 +1,33 @@
 """One digest over log, model, design, parameters and proof: a folder with documents of two designs is refused.
 
 Each of these documents may be whole by itself. A folder of an earlier release has no digest over all of them; its
-parameters are proven again before they leave, as those of any folder are.
+parameters are proven again before they leave, as those of any folder are. The digest bears a mark by this user's key:
+that the model is of the log is believed of a folder that was designed here, and looked at in any other.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import hmac
+from collections.abc import Collection, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
-from heatertune.codec import Document, EarlierDocument, decode, read_document, register_schema, schema_of
+from heatertune import cache
+from heatertune.codec import LEFT_OUT, Document, EarlierDocument, decode, read_document, register_schema, schema_of
 from heatertune.errors import DocumentError
 from heatertune.model import model_document
+from heatertune.model.model_values import FitOutcome
 from heatertune.pid import design_document
 from heatertune.proof.proof_document import LogView, digest_of, with_digest
 from heatertune.proof.verdict import PROOF_SCHEMA
 from heatertune.proof.words_file import WORDS_SCHEMA
 
-__all__ = ["DIGEST_FILE", "DIGEST_SCHEMA", "demand_one_design", "digest_problem", "folder_digest"]
+__all__ = ["DIGEST_FILE", "DIGEST_SCHEMA", "demand_log_of_model", "demand_one_design", "digest_problem",
+           "folder_digest"]
 
 DIGEST_FILE: Final = "digest.json"
 DIGEST_SCHEMA: Final = "heatertune/digest/1"
@@ -32,6 +37,8 @@ _SCHEMAS: Final[Mapping[str, str]] = {
 #: readings of two logs differ by more than a fit leaves over (rms, times), and than documents round [°C]
 _APART: Final = 2.0
 _LEAST_DEGC: Final = 1e-3
+#: outcome of a model that was entered by its numbers, and that says that no log supports it
+_BY_HAND: Final = FitOutcome.BY_HAND.name
 #: that an export writes; log and model stay where `design` wrote them
 _EXPORTED: Final = ("pid", "words", "proof")
 
@@ -44,10 +51,22 @@ class FolderDigest:
     Attributes:
         documents: name of a document → its digest.
         digest: of these together.
+        mark: of that digest, by the key of the user who designed; None: no key could be kept.
     """
 
     documents: Mapping[str, str]
     digest: str
+    mark: str | None = field(default=None, metadata=LEFT_OUT)
+
+    def without(self, names: Collection[str]) -> dict[str, str]:
+        """Return the digests of all documents but some."""
+        return {name: digest for name, digest in self.documents.items() if name not in names}
+
+    @property
+    def knows_log(self) -> bool:
+        """Whether this user designed the model of this log on this machine."""
+        own = cache.mark(self.digest) if self.mark is not None and {"log", "model"} <= self.documents.keys() else None
+        return own is not None and hmac.compare_digest(own.encode(), str(self.mark).encode(errors="replace"))
 
 
 def folder_digest(documents: Mapping[str, Document], earlier: Path | None = None) -> Document:
@@ -59,9 +78,11 @@ def folder_digest(documents: Mapping[str, Document], earlier: Path | None = None
     """
     own = {name: digest_of(documents[name]) for name in _SCHEMAS if name in documents}
     stored = None if earlier is None else _stored(earlier)
-    stay = {} if stored is None else {name: digest for name, digest in stored.documents.items()
-                                      if name not in _EXPORTED}
-    return with_digest({"schema": DIGEST_SCHEMA, "documents": {**stay, **own}})
+    stay = {} if stored is None else stored.without(_EXPORTED)
+    document = with_digest({"schema": DIGEST_SCHEMA, "documents": {**stay, **own}})
+    # who exports into the folder of another does not vouch for its log
+    mark = None if stored is not None and stay and not stored.knows_log else cache.mark(str(document["digest"]))
+    return document if mark is None else {**document, "mark": mark}
 
 
 def demand_one_design(folder: Path, remedy: str) -> None:
@@ -76,6 +97,28 @@ def demand_one_design(folder: Path, remedy: str) -> None:
     """
     if problem := digest_problem(folder):
         raise DocumentError(f"{problem}; {remedy}")
+
+
+def demand_log_of_model(folder: Path, remedy: str) -> None:
+    """Refuse a folder of another user or machine in which nothing shows whether the model is of the log.
+
+    Args:
+        folder: that holds them.
+        remedy: takes the parameters out of it without the log.
+
+    Raises:
+        DocumentError: nothing shows it; or a document is damaged.
+    """
+    log, model, stored = _read(folder, "log"), _read(folder, "model"), _stored(folder)
+    if log is None or model is None or model.get("outcome") == _BY_HAND or (stored is not None and stored.knows_log):
+        return
+    try:
+        apart = _apart_degC(log, model)
+    except (KeyError, TypeError, ValueError) as problem:
+        raise DocumentError(f"{folder / 'log.json'}: nothing shows whether the model was fitted to it: {problem}, and "
+                            f"the folder was not designed by this user on this machine; {remedy}") from None
+    if apart:
+        raise DocumentError(f"{folder / 'log.json'}: the model was fitted to other readings; {remedy}")
 
 
 def digest_problem(folder: Path) -> str:
@@ -95,11 +138,11 @@ def digest_problem(folder: Path) -> str:
 def _other_log(folder: Path) -> str:
     """Return that the model of a folder was fitted to another log than is there; nothing where it was not."""
     log, model = _read(folder, "log") or {}, _read(folder, "model") or {}
-    with suppress(KeyError, TypeError, ValueError):  # damaged: who reads them tells it
-        fitted_to, read = model["log_summary"], log["taken"]["line"]
+    with suppress(KeyError, TypeError, ValueError):  # damaged, which who reads them tells; or not comparable
+        fitted_to, read = model["log_summary"], (log["taken"] or {"line": "no file"})["line"]
         if fitted_to and read not in fitted_to:
             return f"{folder / 'log.json'}: {read!r}; the model was fitted to {fitted_to[0]!r}"
-        if len(fitted_to) == 1 and (apart_degC := _apart_degC(log, model)):
+        if apart_degC := _apart_degC(log, model):
             return (f"{folder / 'log.json'}: its readings differ by {apart_degC:.2g} °C (rms) from those that the "
                     "model was fitted to")
     return ""
@@ -108,18 +151,31 @@ def _other_log(folder: Path) -> str:
 def _apart_degC(log: Document, model: Document) -> float:
     """Return how far the readings of a log are from those of a model's residuals, rms [°C]; 0 where they are the same.
 
-    What a fit corrects before (a disturbance, a cooler) is not comparable. Raises KeyError, TypeError or ValueError
-    where a document is damaged.
+    Raises KeyError, TypeError or ValueError where they cannot be compared, with the reason.
     """
+    _demand_comparable(log, model)
     found = model["residuals"]
-    if found is None or model.get("disturbance") is not None or log.get("cooling_pct") is not None:
-        return 0.0
     time_s, measured, simulated = (np.asarray(found[name], dtype=float)
                                    for name in ("time_s", "measured_degC", "simulated_degC"))
     at_s, degC = (np.asarray(log[name], dtype=float) for name in ("time_s", "temperature_degC"))
+    if not len(measured) or len(measured) != len(simulated):
+        raise ValueError("the residuals are not as many as the readings")
     apart, left = (float(np.sqrt(np.mean(each**2))) for each in (np.interp(time_s, at_s, degC) - measured,
                                                                 measured - simulated))
-    return apart if apart > _LEAST_DEGC + _APART * left else 0.0
+    if isinstance(fit_pct := model.get("fit_pct"), float):  # the model's own figure for what is left
+        left = min(left, (1.0 - fit_pct / 100.0) * float(np.std(measured)) + _LEAST_DEGC)
+    return 0.0 if apart <= _LEAST_DEGC + _APART * left else apart
+
+
+def _demand_comparable(log: Document, model: Document) -> None:
+    """Raise ValueError, with the reason, where a model's residuals are not of the readings of one log as they are."""
+    reasons = {"the model is of several logs": len(model.get("log_summary") or ()) > 1,
+               "the model has no residuals": model.get("residuals") is None,
+               "the fit corrects the readings for a disturbance": model.get("disturbance") is not None,
+               "the fit corrects the readings for a cooler": log.get("cooling_pct") is not None}
+    for reason, holds in reasons.items():
+        if holds:
+            raise ValueError(reason)
 
 
 def _stored(folder: Path) -> FolderDigest | None:
@@ -129,7 +185,7 @@ def _stored(folder: Path) -> FolderDigest | None:
         return None
     document = read_document(path, DIGEST_SCHEMA)
     view = decode(FolderDigest, document, path)
-    if view.digest != with_digest(document)["digest"]:
+    if view.digest != with_digest({name: value for name, value in document.items() if name != "mark"})["digest"]:
         raise DocumentError(f"{path}: digest: not that of its documents: it was changed; design again")
     return view
 

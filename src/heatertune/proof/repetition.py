@@ -28,7 +28,7 @@ from heatertune.plc.controller import with_cooling
 from heatertune.plc.word_selection import WordChoice, choose_words
 from heatertune.plc.words import with_pwm_period
 from heatertune.processors import ProgressCallback
-from heatertune.proof.folder_digest import demand_one_design
+from heatertune.proof.folder_digest import demand_log_of_model, demand_one_design
 from heatertune.proof.profile import read_profile
 from heatertune.proof.proof import Proof
 from heatertune.proof.proof_document import ProofView, check_document, with_digest
@@ -200,6 +200,7 @@ def repeat_proof(path: str | Path, *, accept: Sequence[str] = (), progress: Prog
     _demand_words(words, document, design, fitted, recipe, words_path)
     _demand_model(place, fitted, design_path)
     demand_one_design(place, _way_on(words))
+    demand_log_of_model(place, _way_on(words))
     wider = replace(recipe.conditions, accept=tuple(dict.fromkeys((*recipe.conditions.accept, *accept))))
     progress("proving the parameters again")
     samples = _sample_settings(stored)

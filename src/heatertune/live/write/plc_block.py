@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 from heatertune.errors import InputError, LinkDown, LinkError, PlcRefused, ReplyLost
-from heatertune.live.block_memory import BlockSignal, bytes_of, field_of
+from heatertune.live.block_memory import BlockSignal, field_of, to_word_format
 from heatertune.live.client.connection import Address, Client, ClosesOnExit, SignOfLife, connect, told_by
 from heatertune.live.controller_block import SERVED, ServedBlock, block_for
 from heatertune.live.hold import HOST, Clock
@@ -134,10 +134,23 @@ class BlockImage:
         cells = bytearray(content)
         for name, value in values.items():
             signal = self.block.words[name]
-            field = field_of(self.controller.fields, name)
-            one, at = bytes_of(replace(field, format=signal.format), value), self.at(signal.start)
-            cells[at : at + signal.size] = one[2:] + one[:2] if signal.turned else one
+            field = replace(field_of(self.controller.fields, name), format=signal.format)
+            at = self.at(signal.start)
+            cells[at : at + signal.size] = signal.stored(to_word_format(field, value))
         return bytes(cells)
+
+    def is_torn(self, name: str, value: Number, before: Number, after: Number) -> bool:
+        """Return whether a word is at neither value, but has the first bytes of one and the last of the other.
+
+        Bytes count in the order in which the block has them: a request, or an answer to it, ends behind any of them.
+        """
+        signal = self.block.words[name]
+        stands, one, other = (signal.stored(each) for each in (value, before, after))
+        if stands in (one, other):
+            return False
+        cuts = range(1, signal.size)
+        mixtures = (first[:cut] + last[cut:] for first, last in ((one, other), (other, one)) for cut in cuts)
+        return any(stands in (each, signal.stored(signal.number(each))) for each in mixtures)  # of many NaN, one stays
 
     def parts(self, content: bytes, values: Mapping[str, Number]) -> list[WritePart]:
         """Return what is to be written so that words stand there: those that differ, neighbours together.

@@ -5,7 +5,6 @@ Nothing is written twice because an answer was lost: the PLC is asked what stand
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -72,15 +71,12 @@ class _Stopped(Exception):
 _STOPS: Final = (_Stopped, LinkError, InputError)
 
 
-#: of a REAL
-_LARGEST: Final = 3.4e38
-
-
 @dataclass(frozen=True, slots=True)
 class _Change:
     """What is written: parts in their order, and all words at both ends.
 
     Attributes:
+        image: of the block that has the words.
         parts: in their order.
         before, after: all words.
         stored: word → what the device keeps in the place of what was written.
@@ -89,6 +85,7 @@ class _Change:
         unsettled: words that were put back, and not seen standing as before since then.
     """
 
+    image: BlockImage
     parts: Sequence[WritePart]
     before: Values
     after: Values
@@ -100,7 +97,7 @@ class _Change:
     def is_written(self, name: str, value: Number) -> bool:
         """Return whether a word stands there as this change left it, whole or with some of its bytes only."""
         return (value == self.after[name] or (name in self.stored and value == self.stored[name])
-                or _is_torn(value, self.before[name], self.after[name]))
+                or self.image.is_torn(name, value, self.before[name], self.after[name]))
 
     def left_of(self, names: Iterable[str], values: Values) -> list[str]:
         """Return which words stand there as written though they were put back, and take note of neither side's."""
@@ -160,7 +157,7 @@ class Writer:
             before: all words, as they are expected to stand there.
             after: all words, as they are to stand there.
         """
-        change = _Change(parts, before, after)
+        change = _Change(self._standing, parts, before, after)
         expected, sent = dict(before), False
         try:
             for part in parts:
@@ -186,7 +183,7 @@ class Writer:
             after: the words as they were written.
             why: it is done.
         """
-        return self._safely(_Change(parts, before, after), why)
+        return self._safely(_Change(self._standing, parts, before, after), why)
 
     def demand_new(self, before: BlockSnapshot, ended: WriteEnd) -> WriteEnd:
         """Return the end of a write that is not watched: not done where what was read back may be a gateway's copy.
@@ -433,21 +430,6 @@ class Writer:
         """Record a step of taking back, which is made even where it cannot be recorded."""
         with suppress(RecordBroken):
             self.record.write_line(step, **what)
-
-
-def _is_torn(value: Number, before: Number, after: Number) -> bool:
-    """Return whether a word is neither side's, but the first bytes of one and the last of the other."""
-    if value in (before, after) or max(map(abs, (value, before, after))) > _LARGEST:
-        return False
-    if isinstance(before, int) and isinstance(after, int):
-        width = 2 if min(before, after) >= -(2**15) and max(before, after) < 2**16 else 8
-        sides = [(each % 256**width).to_bytes(width, "big") for each in (before, after)]
-        stands = (int(value) % 256**width).to_bytes(width, "big")
-    else:
-        sides, stands = [struct.pack(">f", each) for each in (before, after)], struct.pack(">f", value)
-    one, other = sides
-    cuts = range(1, len(stands))
-    return any(stands in (one[:cut] + other[cut:], other[:cut] + one[cut:]) for cut in cuts)
 
 
 def _why(stopped: BaseException) -> str:

@@ -20,6 +20,8 @@ __all__ = ["DEVICE_LOGS", "PLANT_EXPORTS"]
 
 
 _END_OF_HEADER: Final = "***End_of_Header***"
+#: the line above the readings of LabVIEW, where somebody has cut off the header
+_HEADLESS: Final = r"X_Value\t(?:[^\t]+\t)+Comment\s*$"
 
 
 def _labview(path: Path, numbered: Sequence[Line], _: str | None) -> FormatTable:
@@ -47,7 +49,8 @@ def _labview(path: Path, numbered: Sequence[Line], _: str | None) -> FormatTable
     units = ["", *units, *[""] * len(names)]
     header = ["time [s]" if name == "X_Value" else f"{name} [{units[k]}]" if units[k] else name
               for k, name in enumerate(names)]
-    return FormatTable(tuple(header), rows, lines, [f"Measurement of LabVIEW: {count(len(begins), 'segment')} read."])
+    return FormatTable(tuple(header), rows, lines, [
+        f"Measurement of LabVIEW: {count(len(begins), 'segment')} read, X_Value in seconds."])
 
 
 def _ignition(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
@@ -103,7 +106,8 @@ def _within(lines: Sequence[Line], pattern: str) -> bool:
 
 
 PLANT_EXPORTS: Final = (
-    TextFormat("measurement of LabVIEW", lambda lines: _within(lines[:60], re.escape(_END_OF_HEADER)), _labview),
+    TextFormat("measurement of LabVIEW", lambda lines: _within(lines[:60], re.escape(_END_OF_HEADER)) or
+               _within(lines[:1], _HEADLESS), _labview),
     TextFormat("data set of Ignition", lambda lines: _within(lines[:5], '"?#NAMES"?'), _ignition),
     TextFormat("trace of CODESYS", lambda lines: len(lines) > 3 and lines[0][1].strip() == "CoDeSys Trace", _codesys),
     TextFormat("table with a time for each variable", _has_pairs, _paired),
