@@ -403,10 +403,10 @@ class _NetworkProblem:
         return np.array([*own * layout.size, *[1.0] * len(layout.pairs)])
 
     def _allowed(self, layout: ParameterLayout, values: Array) -> Array:
-        """Return parameters with dead times not below 0 and no coupling so far below 0 that the network runs away."""
+        """Return parameters with no dead time far below 0 and no coupling so far below 0 that the network runs away."""
         values = values.copy()
         dead = np.arange(layout.size) * layout.per_zone + 2
-        values[dead] = np.clip(values[dead], 0.0, self.longest_s)
+        values[dead] = np.clip(values[dead], -self.interval_s, self.longest_s)  # power logged up to a row late
         first = layout.size * layout.per_zone
         values[first:] = np.maximum(values[first:], -0.4 / max(layout.size - 1, 1))
         return values
