@@ -23,7 +23,7 @@ from heatertune.errors import InputError, OutOfRange
 from heatertune.log import read_log
 from heatertune.log.cells import read_sheet
 from heatertune.log.columns import with_names
-from heatertune.log.log_values import MIN_SAMPLES, Log
+from heatertune.log.log_values import ABSOLUTE_ZERO_DEGC, MIN_SAMPLES, Log
 from heatertune.log.quantities import is_second_choice, role_of
 from heatertune.log.side_columns import is_cooling, is_fan
 from heatertune.model.findings import Finding
@@ -55,6 +55,7 @@ _CHANGES: Final = 60  # of a zone's power, the largest, whose instants are fitte
 _ROUNDS: Final = 3  # of that fit
 _COLDER: Final = 0.02  # exchange below 0 that cannot be the noise of a weak one
 _KNOWN: Final = 10.0  # ratio of an end of a lag's interval to the lag, beyond which the log does not show it
+_FROM_REST: Final = "log a step of each zone's power, one after the other, each until all temperatures are steady"
 _WIDE: Final = 4.0  # ratio of an interval's ends above which the log bounds nothing
 
 
@@ -92,11 +93,12 @@ class ParameterLayout(NamedTuple):
         return modes, own[:, 2], own[:, 4]
 
     def network(self, zones: tuple[str, ...], values: Array) -> ThermalNetwork:
-        """Return the network of parameters of shape (p,); a coupling or dead time below 0 is 0."""
+        """Return the network of parameters of shape (p,); no coupling or dead time is below 0, no ambient below 0 K."""
         own, exchange = self.parts(values)
         return ThermalNetwork(
             zones=zones, gains_degC_per_pct=tuple(np.exp(own[:, 0])), time_constants_s=tuple(np.exp(own[:, 1])),
-            dead_times_s=tuple(np.maximum(own[:, 2], 0.0)), ambients_degC=tuple(own[:, 3]),
+            dead_times_s=tuple(np.maximum(own[:, 2], 0.0)),
+            ambients_degC=tuple(np.maximum(own[:, 3], ABSOLUTE_ZERO_DEGC)),
             exchange=np.maximum(exchange, 0.0),
             second_time_constants_s=tuple(np.exp(own[:, 5])) if self.second else ())
 
@@ -532,7 +534,11 @@ def _inflation(residuals: Array) -> float:
 
 
 def _result(log: ZoneLog, problem: _NetworkProblem, fit: _NetworkFit) -> FittedNetwork:
-    readings = problem.readings
+    readings, (own, _) = problem.readings, fit.layout.parts(fit.values)
+    for zone, ambient in zip(log.zones, own[:, 3], strict=True):
+        if ambient < ABSOLUTE_ZERO_DEGC:
+            raise InputError(f"{log.name}: the log does not show the heater of zone {zone!r}, which would rest at "
+                             f"{ambient:.4g} °C without power: {_FROM_REST}")
     error = np.sqrt(np.sum(fit.residuals**2, axis=0) / np.sum((readings - readings.mean(axis=0)) ** 2, axis=0))
     fit_pct = tuple(100.0 * (1.0 - error))
     findings = [Finding(name="poor-fit", message=f"the network explains {share:.3g} % of zone {zone}'s log")
