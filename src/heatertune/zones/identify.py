@@ -23,7 +23,7 @@ from heatertune.errors import InputError, OutOfRange
 from heatertune.log import read_log
 from heatertune.log.cells import read_sheet
 from heatertune.log.columns import with_names
-from heatertune.log.log_values import MIN_SAMPLES, Log
+from heatertune.log.log_values import ABSOLUTE_ZERO_DEGC, MIN_SAMPLES, Log
 from heatertune.log.quantities import is_second_choice, role_of
 from heatertune.log.side_columns import is_cooling, is_fan
 from heatertune.model.findings import Finding
@@ -51,7 +51,11 @@ _BIC: Final = 10.0  # points that a second lag of each zone has to gain, for eac
 _WHITE: Final = 1.25  # inflation below which residuals leave nothing to explain
 _POOR_PCT: Final = 80.0
 _MOST_STEPS: Final = 40
+_CHANGES: Final = 60  # of a zone's power, the largest, whose instants are fitted
+_ROUNDS: Final = 3  # of that fit
 _COLDER: Final = 0.02  # exchange below 0 that cannot be the noise of a weak one
+_KNOWN: Final = 10.0  # ratio of an end of a lag's interval to the lag, beyond which the log does not show it
+_FROM_REST: Final = "log a step of each zone's power, one after the other, each until all temperatures are steady"
 _WIDE: Final = 4.0  # ratio of an interval's ends above which the log bounds nothing
 
 
@@ -89,11 +93,12 @@ class ParameterLayout(NamedTuple):
         return modes, own[:, 2], own[:, 4]
 
     def network(self, zones: tuple[str, ...], values: Array) -> ThermalNetwork:
-        """Return the network of parameters of shape (p,); a coupling or dead time below 0 is 0."""
+        """Return the network of parameters of shape (p,); no coupling or dead time is below 0, no ambient below 0 K."""
         own, exchange = self.parts(values)
         return ThermalNetwork(
             zones=zones, gains_degC_per_pct=tuple(np.exp(own[:, 0])), time_constants_s=tuple(np.exp(own[:, 1])),
-            dead_times_s=tuple(np.maximum(own[:, 2], 0.0)), ambients_degC=tuple(own[:, 3]),
+            dead_times_s=tuple(np.maximum(own[:, 2], 0.0)),
+            ambients_degC=tuple(np.maximum(own[:, 3], ABSOLUTE_ZERO_DEGC)),
             exchange=np.maximum(exchange, 0.0),
             second_time_constants_s=tuple(np.exp(own[:, 5])) if self.second else ())
 
@@ -292,7 +297,7 @@ def fit_network(log: ZoneLog, *, structure: str | None = None) -> FittedNetwork:
     pairs = neighbours(structure or ("free" if count <= _FREE_UP_TO else "chain"), count)
     problem = _NetworkProblem.from_log(log)
     layout = ParameterLayout(count, pairs, second=False)
-    fitted = problem.fit(layout, problem.start(layout))
+    problem, fitted = problem.timed(problem.fit(layout, problem.start(layout)))
     if structure is None and count > _FREE_UP_TO:
         fitted = problem.with_further_couplings(fitted)
     fitted = problem.with_second_lags(fitted)
@@ -314,13 +319,14 @@ class _NetworkProblem:
     readings: Array
     courses: Sequence[ZonePower]
     longest_s: float
+    interval_s: float  # between rows of the log: within it, nobody knows when the power changed
 
     @classmethod
     def from_log(cls, log: ZoneLog) -> _NetworkProblem:
         keep = slice(None, None, math.ceil(len(log.time_s) / _ROWS))
         courses = [ZonePower.from_rows(log.time_s, power) for power in log.powers_pct.T]
         return cls(time_s=log.time_s[keep], readings=log.temperatures_degC[keep], courses=courses,
-                   longest_s=float(np.ptp(log.time_s)) / 4.0)
+                   longest_s=float(np.ptp(log.time_s)) / 4.0, interval_s=log.interval_s)
 
     def start(self, layout: ParameterLayout) -> Array:
         """Return parameters by linear least squares on the integrated heat balance, the best of several dead times."""
@@ -399,10 +405,10 @@ class _NetworkProblem:
         return np.array([*own * layout.size, *[1.0] * len(layout.pairs)])
 
     def _allowed(self, layout: ParameterLayout, values: Array) -> Array:
-        """Return parameters with dead times not below 0 and no coupling so far below 0 that the network runs away."""
+        """Return parameters with no dead time far below 0 and no coupling so far below 0 that the network runs away."""
         values = values.copy()
         dead = np.arange(layout.size) * layout.per_zone + 2
-        values[dead] = np.clip(values[dead], 0.0, self.longest_s)
+        values[dead] = np.clip(values[dead], -self.interval_s, self.longest_s)  # power logged up to a row late
         first = layout.size * layout.per_zone
         values[first:] = np.maximum(values[first:], -0.4 / max(layout.size - 1, 1))
         return values
@@ -417,13 +423,63 @@ class _NetworkProblem:
         return np.asarray(np.moveaxis((found[1:] - found[0]) / size[:, None, None], 0, 2))
 
     def covariance(self, fit: _NetworkFit) -> Array:
-        """Return the covariance of the parameters, with the autocorrelation of each zone's residuals."""
+        """Return the covariance of the parameters: of noise with its autocorrelation, and of when the power changed."""
         freedom = len(fit.residuals) - len(fit.values) / fit.layout.size
         variance = np.sum(fit.residuals**2, axis=0) / freedom
         inflated = variance * np.array([_inflation(each) for each in fit.residuals.T])
         weighted = (fit.jacobian / np.sqrt(inflated)[:, None]).reshape(-1, len(fit.values))
         scale = np.sqrt(np.sum(weighted**2, axis=0)) + 1e-30
-        return np.asarray(np.linalg.pinv((weighted / scale).T @ (weighted / scale)) / np.outer(scale, scale))
+        weighted /= scale
+        late = (self.late_changes(fit) / np.sqrt(inflated)[:, None]).reshape(len(weighted), -1)
+        normal, crossed = weighted.T @ weighted, weighted.T @ late
+        normal -= crossed @ np.linalg.solve(late.T @ late + self._prior(late.shape[1]), crossed.T)
+        return np.asarray(np.linalg.pinv(normal) / np.outer(scale, scale))
+
+    def _prior(self, count: int) -> Array:
+        """Return what is known of the instants of changes: any one between two rows, variance interval²/12."""
+        return np.asarray(12.0 / self.interval_s**2 * np.eye(count))
+
+    def _timed(self) -> list[Array]:
+        """Return which changes of each zone's power are timed: the largest."""
+        return [np.argsort(-np.abs(course.changes_pct))[:_CHANGES] for course in self.courses]
+
+    def late_changes(self, fit: _NetworkFit) -> Array:
+        """Return what it adds that a change of power comes later, shape (rows, n, changes) [°C/s]."""
+        modes, dead_times_s, _ = fit.layout.case(fit.values)
+        found = []
+        for zone, (course, timed) in enumerate(zip(self.courses, self._timed(), strict=True)):
+            since = self.time_s[:, None] - course.instants_s[timed] - dead_times_s[zone]
+            decay = np.where(since > 0.0, np.exp(modes.rates[:, None, None] * np.maximum(since, 0.0)), 0.0)
+            answer = np.tensordot(decay, modes.outputs * modes.inputs[:, zone], axes=(0, 1))
+            found.append(-np.moveaxis(answer.real, 2, 1) * course.changes_pct[timed])
+        return np.concatenate(found, axis=2)
+
+    def timed(self, fit: _NetworkFit) -> tuple[_NetworkProblem, _NetworkFit]:
+        """Return the problem with each change of power at the instant between its rows that explains the log best.
+
+        Without it, power that changes between two rows leaves residuals that look like another heater's.
+        """
+        problem = self
+        moved = np.zeros(sum(map(len, self._timed())))
+        for _ in range(_ROUNDS):
+            weights = 1.0 / np.maximum(fit.residuals.std(axis=0), 1e-6)[:, None]
+            own = (fit.jacobian * weights).reshape(-1, len(fit.values))
+            late = (problem.late_changes(fit) * weights).reshape(len(own), -1)
+            both = np.hstack([own, late])
+            normal = both.T @ both
+            normal[len(fit.values):, len(fit.values):] += self._prior(len(moved))
+            slope = both.T @ (fit.residuals * weights[:, 0]).ravel()
+            slope[len(fit.values):] -= self._prior(len(moved)) @ moved
+            step = np.linalg.lstsq(normal, slope, rcond=None)[0][len(fit.values):]
+            moved = np.clip(moved + step, -self.interval_s, self.interval_s)
+            parts, courses = iter(np.split(moved, np.cumsum([len(timed) for timed in self._timed()]))), []
+            for course, timed in zip(self.courses, self._timed(), strict=True):
+                instants = course.instants_s.copy()
+                instants[timed] += next(parts)
+                courses.append(course._replace(instants_s=instants))
+            problem = replace(self, courses=courses)
+            fit = problem.fit(fit.layout, fit.values)
+        return problem, fit
 
     def with_further_couplings(self, fit: _NetworkFit) -> _NetworkFit:
         """Return the fit with the couplings beyond the chain that explain the log better, the clearest first."""
@@ -455,7 +511,12 @@ class _NetworkProblem:
         start[:, 2] = 0.5 * own[:, 2]
         layout = fit.layout._replace(second=True)
         wider = self.fit(layout, np.concatenate([start.ravel(), fit.values[own.size:]]))
-        return wider if _gain(fit, wider) > _BIC * fit.layout.size else fit
+        return wider if _gain(fit, wider) > _BIC * fit.layout.size and self._bounds_lags(wider) else fit
+
+    def _bounds_lags(self, fit: _NetworkFit) -> bool:
+        """Return whether a fit with second lags tells the size of each lag."""
+        own = np.diag(self.covariance(fit))[: fit.layout.size * fit.layout.per_zone].reshape(fit.layout.size, -1)
+        return bool(np.all(_NORMAL * np.sqrt(own[:, [1, 5]]) < math.log(_KNOWN)))
 
 
 def _gain(fit: _NetworkFit, wider: _NetworkFit) -> float:
@@ -473,7 +534,11 @@ def _inflation(residuals: Array) -> float:
 
 
 def _result(log: ZoneLog, problem: _NetworkProblem, fit: _NetworkFit) -> FittedNetwork:
-    readings = problem.readings
+    readings, (own, _) = problem.readings, fit.layout.parts(fit.values)
+    for zone, ambient in zip(log.zones, own[:, 3], strict=True):
+        if ambient < ABSOLUTE_ZERO_DEGC:
+            raise InputError(f"{log.name}: the log does not show the heater of zone {zone!r}, which would rest at "
+                             f"{ambient:.4g} °C without power: {_FROM_REST}")
     error = np.sqrt(np.sum(fit.residuals**2, axis=0) / np.sum((readings - readings.mean(axis=0)) ** 2, axis=0))
     fit_pct = tuple(100.0 * (1.0 - error))
     findings = [Finding(name="poor-fit", message=f"the network explains {share:.3g} % of zone {zone}'s log")

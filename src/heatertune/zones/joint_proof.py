@@ -494,7 +494,8 @@ class _Prover:
     ) -> float:
         """Add the open circuit of a zone, and in the whole sequence the zone off and stuck; return the end [s]."""
         wait = self.settle_s
-        faults = ("open", "closed", self.open_s), ("off", "on", wait), ("stuck", "closed", self.open_s)
+        cools = _COOLS * max(network.time_constants_s)  # a zone that is off, and then disturbs its neighbours no more
+        faults = ("open", "closed", self.open_s), ("off", "on", wait + cools), ("stuck", "closed", self.open_s)
         for kind, ends, lasts in faults:
             if kind != "open" and not whole:
                 continue
@@ -503,7 +504,7 @@ class _Prover:
             events += [ZoneEvent(now, kind, zone), ZoneEvent(now + lasts, ends, zone)]
             phases += [_Phase(f"others with the zone {kind}", zone, now, now + lasts, idle=(zone,))] if holdable else []
             again = 1.5 * wait + {"open": 0.0, "off": self._heat_up_s(network) - wait,
-                                  "stuck": _COOLS * max(network.time_constants_s)}[kind]
+                                  "stuck": cools}[kind]
             phases.append(_Phase(f"after the zone was {kind}", zone, now + lasts, now + lasts + again))
             now += lasts + again
         return now
