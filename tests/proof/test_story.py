@@ -191,7 +191,7 @@ def test_what_is_left_out_is_told():
     course = _story(step_share=0.0, load_pct=0.0, opens=False, changes=False, mains=False, restarts=False)
     assert course.scenario.disturbances == ()
     assert course.not_tested == ("a step of the temperature", "a load", "an open circuit of the heater", "a change of the setpoint",
-                                 "mains voltage", "a restart of the PLC")
+                                 "mains voltage", "a restart of the controller")
     assert _story(setpoint_low_degC=60.0).not_tested == ("a change of the setpoint",), "none is lower"
 
 

@@ -55,7 +55,7 @@ def test_every_verdict_of_every_controller_is_one_screen(target, verdict):
             assert not word.changes or f"then {word.then_text}:" in screen
     else:
         assert "do not enter: " in whole
-        assert "no files for the PLC" in whole
+        assert "no files to enter" in whole
     if verdict == "FAIL":
         assert "overshoot 24.1 % (limit 20 %), settling time never (limit 1500 s)" in whole
         assert f"nearest that passes: {' '.join(NEAREST).format(target)}" in whole

@@ -288,7 +288,7 @@ _NO_EVENT: Final = {
     "heat-up": "no heat-up from cold in the trace", "change": "no change of the setpoint in the trace",
     "small-change": "changes of the setpoint are held against the rise",
     "recovery": "no load in the trace, or its time is not stated (--load-at)",
-    "reheat": "the heater's circuit was not open in the trace", "restart": "no start-up of the PLC in the trace",
+    "reheat": "the heater's circuit was not open in the trace", "restart": "no start-up of the controller in the trace",
 }
 
 

@@ -107,9 +107,9 @@ EVENTS: Final = (
     EventKind(name="small setpoint change", state=_REST, sizes="5 and 10 % of the rise, or two and four tolerances",
               phases=("small-change",)),
     EventKind(name="mains step", state=_REST, sizes="−10 %, +10 % and back", phases=("recovery",), mains="nominal"),
-    EventKind(name="PLC restart", state=_REST, sizes="after a moment, and with the heater cold",
+    EventKind(name="controller restart", state=_REST, sizes="after a moment, and with the heater cold",
               phases=("off", "restart")),
-    EventKind(name="PLC restart, heater warm", state=_REST, sizes="12 to 96 times without supply in between",
+    EventKind(name="controller restart, heater warm", state=_REST, sizes="12 to 96 times without supply in between",
               phases=("off", "restart"), runs="nearest", finding=WARM),
     EventKind(name="profile", state="cold", sizes="its ramps and soaks, where one is given", phases=("ramp", "soak")),
 )
@@ -124,7 +124,7 @@ EXCLUDED: Final = (
     Exclusion(event="cold goods", condition="cold heater", reason="nothing in the room is colder than the heater"),
     Exclusion(event="small setpoint change", condition="range narrower than the change",
               reason="the setpoint would leave its range"),
-    Exclusion(event="PLC restart", condition=_OPEN, reason="without supply the circuit is open anyway"),
+    Exclusion(event="controller restart", condition=_OPEN, reason="without supply the circuit is open anyway"),
 )
 
 #: what happens in a plant, and no run shows

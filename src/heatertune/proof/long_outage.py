@@ -244,7 +244,7 @@ def _saturates_s(model: HeaterModel, step_degC: float, design: PidDesign, most_p
     return high
 
 
-#: criteria of the way back from an open circuit, and after a start-up of the PLC
+#: criteria of the way back from an open circuit, and after a start-up of the controller
 _REHEATED: Final = names_of(beyond_degC, phases=("reheat",))
 _RESTARTED: Final = names_of(beyond_degC, phases=("restart",))
 _HEATED: Final = names_of(beyond_degC, phases=("heat-up", "restart"))
@@ -384,7 +384,7 @@ def nights_of(
 
 def _restarted(scenario: Scenario, warm_s: Sequence[float]) -> Iterator[LongOutage]:
     if (back := _restart_in(scenario)) is not None:
-        told = f"Where the PLC is restarted after {_minutes(warm_s)} without supply"
+        told = f"Where the controller is restarted after {_minutes(warm_s)} without supply"
         yield LongOutage(WARM, _each(scenario, back, warm_s), told,
                          "; the limit is kept where the heater is hot, or cold")
 
@@ -447,7 +447,8 @@ def _under_load(
     off, restart = _restart_in(scenario), ""
     if warm_s and off is not None:
         few = sorted({warm_s[round(share * (len(warm_s) - 1))] for share in _OF_RESTARTS})
-        loaded, restart = _followed_by(loaded, _each(scenario, off, few, rest_share=1.0)), ", or a restart of the PLC,"
+        loaded = _followed_by(loaded, _each(scenario, off, few, rest_share=1.0))
+        restart = ", or a restart of the controller,"
     yield LongOutage(name, loaded, f"After {_minutes(lengths_s)} with an open circuit{restart} while a load is held",
                      "; it does without a load", most=_ANY)
 

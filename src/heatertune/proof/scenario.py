@@ -330,7 +330,7 @@ def event_name(event: Disturbance | None) -> str:
         return f"{_led(event) if isinstance(event, SetpointRampEvent) else 'setpoint'} {event.setpoint_degC:.4g} °C"
     if isinstance(event, Mains):
         return f"power {100.0 * event.share:.3g} %" if event.share > 0.0 else "heater's circuit open"
-    return "PLC on" if event.on else "PLC off"
+    return "controller on" if event.on else "controller off"
 
 
 def kinds_of(scenario: Scenario) -> Iterator[tuple[str, bool, bool]]:

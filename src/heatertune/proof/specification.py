@@ -73,7 +73,7 @@ STORY: Final[dict[str, SequencePart]] = {
                             "changes likewise",
                             field="changes"),
     "mains": SequencePart(description="the mains voltage falls and rises by 10 %", field="mains"),
-    "restart": SequencePart(description="the PLC is restarted with the heater hot, and cold", field="restarts"),
+    "restart": SequencePart(description="the controller is restarted with the heater hot, and cold", field="restarts"),
     "paper-times": SequencePart(description="heat-up and temperature step alone, in the 27th minute as in the paper's "
                                             "record, "
                         "slower heaters in proportion", field="paper_times"),

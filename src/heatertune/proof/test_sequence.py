@@ -141,7 +141,7 @@ class TestSequence:
         setpoint_low_degC: lower end of the setpoints of use, of a cooler the upper one; None: the user stated no range,
             and the setpoint changes by a fifth of the setpoint step.
         mains: whether the mains voltage falls and rises by 10 %.
-        restarts: whether the PLC is restarted, with the heater hot and cold.
+        restarts: whether the controller is restarted, with the heater hot and cold.
         paper_times: whether there is nothing but heat-up and temperature step at the paper's times, see `scenario_for`.
         profile: along which the setpoint is led at the end, from cold; None: along none.
 
@@ -195,7 +195,7 @@ def story_for(
                               seed=seed)
         return SequencePlan(scenario=record, notes=("heat-up and temperature step at the paper's times",), not_tested=(
             "a load", "an open circuit of the heater", "a change of the setpoint", "mains voltage",
-            "a restart of the PLC"))
+            "a restart of the controller"))
     plain = Scenario(setpoint_degC=setpoint_degC, ambient_degC=ambient_degC, duration_s=1.0, noise_degC=noise_degC,
                      seed=seed, setpoint_low_degC=None if story is None else story.setpoint_low_degC)
     teller = _SequenceBuilder(models=tuple(models),
@@ -351,7 +351,7 @@ class _SequenceBuilder:
         elif not self._mains_tested:
             yield f"mains voltage (at −10 % a heater has {self._reserve_pct(MAINS_POWERS[0]):.3g} % of power left over)"
         if not story.restarts:
-            yield "a restart of the PLC"
+            yield "a restart of the controller"
         if self.period_s < self.loop.beat_s:
             yield f"the beat of PWM and TA as a whole, {self.loop.beat_s:.3g} s"
         legs = self._legs(story.profile)

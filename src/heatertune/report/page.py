@@ -202,7 +202,7 @@ def _verdict(documents: Documents) -> str:
     return (
         f'<p class="verdict {proof["verdict"].lower().replace(" ", "-")}">{text_of(verdict)} at '
         f"{figure(proof['scenario']['setpoint_degC'])} °C</p>"
-        f"<p>{len(proof['runs'])} closed-loop runs with the PLC's own arithmetic on "
+        f"<p>{len(proof['runs'])} closed-loop runs with the controller's own arithmetic on "
         f"{count(models, 'plausible heater')}, each under every setting of the open points."
         f"{forced}</p>{bullets([*broken, *points])}"
     )
@@ -296,7 +296,7 @@ def _safety(documents: Documents) -> str:
         [tick("safety-sensor", "broken sensor tried"), "Sensor unplugged: heater off", BLANK],
     ]
     return (
-        "<h2>Safety</h2><p>Nothing in this record replaces a cut-out that is independent of the PLC. Readings go "
+        "<h2>Safety</h2><p>Nothing in this record replaces a cut-out that is independent of the controller. Readings "
         f"from {figure(scale['low_degC'])} to {figure(scale['high_degC'])} °C: the controller cannot detect "
         f"higher temperatures.</p>{table(['checked', '', 'value'], rows)}")
 
@@ -536,7 +536,7 @@ def _proof(documents: Documents) -> str:
     parts = ", ".join(f"{part['label']} at {part['begin_s']:.0f} s" for part in phases)
     return (
         "<h2>Proof</h2>"
-        + table(heads, rows, numeric=(1, 2), source="closed loop in the PLC's own arithmetic; each line names its run")
+        + table(heads, rows, numeric=(1, 2), source="closed loop in its own arithmetic; each line names its run")
         + _on_drawn_heaters(proof)
         + (f"<h3>Known faults of this controller</h3>{bullets(proof['faults'])}" if proof["faults"] else "")
         + picture(plots.plot_loop(nominal, pictures["worst"], pictures["others"], phases),

@@ -364,5 +364,5 @@ def _files(words: Document, out: str) -> list[str]:
         rows.append((str(Path(out) / main_file(words)), f"program for the {holder(words['target'])}"))
     lines = table(rows).splitlines()
     fits = all(len(line) <= WIDTH for line in lines)
-    refused = [] if words["files"] else ["no files for the PLC: only proven parameters are exported (or use --force)"]
+    refused = [] if words["files"] else ["no files to enter: only proven parameters are exported (or use --force)"]
     return [*(lines if fits else [name for name, _ in rows]), *refused]
