@@ -68,14 +68,15 @@ def rich_model() -> FittedModel:
         model=TwoLag(gain_degC_per_pct=0.38, time_constant_s=150.0, second_time_constant_s=9.0, dead_time_s=8.0, ambient_degC=None),
         log="log", window_s=(0.0, 600.0), law="relay", controller={"width_degC": 1.5}, fit_pct=94.0, rmse_degC=0.12,
         delta_bic=3.5, part="dead time at its high end")
-    series = np.round(20.0 + 0.25 * np.arange(40.0), 4)
+    logged = own_log()  # its readings are the model's own: of others the folder would be refused
     return FittedModel(
         model=HEATER, outcome=FitOutcome.IDENTIFIED, method="made by hand",
         ci95={"gain_degC_per_pct": Interval(low=0.35, high=0.39), "time_constant_s": Interval(low=150.0, high=None),
               "dead_time_s": None, "ambient_degC": None},
         combinations={"gain_per_time_constant_degC_per_s_pct": (0.0022, Interval(low=0.002, high=0.0024))},
         candidates=(one_lag, two_lags), hypotheses=(one_lag, two_lags), fit_pct=95.0, notes=("a note",),
-        residuals=Residuals(time_s=np.arange(40.0), measured_degC=series, simulated_degC=series, autocorrelation=np.array([0.5, 0.25])),
+        residuals=Residuals(time_s=logged.time_s, measured_degC=logged.temperature_degC, simulated_degC=logged.temperature_degC,
+                            autocorrelation=np.array([0.5, 0.25])),
         validation=Validation(
             ljung_box=17.5, input_correlation=InputCorrelation(largest=0.1, at_lag_s=10.0, limit=0.3),
             held_out=HeldOut(fit_pct=90.0, rmse_degC=0.2, windows_s=((0.0, 300.0), (300.0, 600.0)), rmses_degC=(0.1, 0.3)),

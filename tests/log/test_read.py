@@ -335,3 +335,18 @@ def test_a_file_of_a_known_format_that_is_cut_off_is_refused(tmp_path, name, con
     path.write_bytes(content)
     with pytest.raises(LogError, match=r"damaged|JSON without records|needs python-calamine"):
         read_log(path)
+
+
+@pytest.mark.parametrize("end", ["", "\t"])
+def test_the_table_of_a_labview_file_without_its_header_has_seconds(tmp_path, end):
+    """The specification of .lvm files has X_Value as the time in seconds, and Comment as the last column of every segment."""
+    path = tmp_path / "a.tsv"
+    rows = [f"{4 * k}\t{22 + 0.1 * k:.2f}\t{60 if k > 20 else 0}{end}" for k in range(60)]
+    path.write_text("\n".join(["X_Value\tT1\tHeater\tComment", *rows]) + "\n")
+    log = read_log(path)
+    assert (log.time_s[-1], log.temperature_degC[10], log.power_pct[30]) == (236.0, 23.0, 60.0)
+    assert "Measurement of LabVIEW: 1 segment read, X_Value in seconds." in log.repairs
+    assert "time" not in log.taken.assumed
+    path.write_text("\n".join(["X_Value\tT1\tHeater", *(row.rstrip("\t") for row in rows)]) + "\n")  # any program's
+    with pytest.raises(LogError, match="the file has no time column; expected --log-interval"):
+        read_log(path)

@@ -139,8 +139,8 @@ def _other_log(folder: Path) -> str:
     """Return that the model of a folder was fitted to another log than is there; nothing where it was not."""
     log, model = _read(folder, "log") or {}, _read(folder, "model") or {}
     with suppress(KeyError, TypeError, ValueError):  # damaged, which who reads them tells; or not comparable
-        fitted_to, read = model["log_summary"], (log["taken"] or {"line": "no file"})["line"]
-        if fitted_to and read not in fitted_to:
+        fitted_to, read = model["log_summary"], (log["taken"] or {"line": None})["line"]
+        if fitted_to and read is not None and read not in fitted_to:
             return f"{folder / 'log.json'}: {read!r}; the model was fitted to {fitted_to[0]!r}"
         if apart_degC := _apart_degC(log, model):
             return (f"{folder / 'log.json'}: its readings differ by {apart_degC:.2g} °C (rms) from those that the "
