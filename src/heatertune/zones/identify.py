@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from heatertune.arrays import Array
 from heatertune.errors import InputError, OutOfRange
@@ -439,7 +440,7 @@ class _NetworkProblem:
         """Return what is known of the instants of changes: any one between two rows, variance interval²/12."""
         return np.asarray(12.0 / self.interval_s**2 * np.eye(count))
 
-    def _timed(self) -> list[Array]:
+    def _timed(self) -> list[npt.NDArray[np.intp]]:
         """Return which changes of each zone's power are timed: the largest."""
         return [np.argsort(-np.abs(course.changes_pct))[:_CHANGES] for course in self.courses]
 
