@@ -155,6 +155,8 @@ def test_the_command_designs_zones(tmp_path, capsys):
     for zone in words:  # the page of both zones: their words as they are typed in, and the program
         assert f"Zone {zone['name']}: parameters for s7-300" in page
         assert f"{zone['words']['GAIN']:.9g}" in page
+    assert "SP (DBW 2 of DB 111)" in page  # of the second zone: its own block, as the program has it
+    assert "stand in DB 110" in page
     assert "s7_300_zones.awl" in page
     assert "Do not enter" not in page
     for wrong, complaint in ((["--ms", "1.4"], "--ms: not for zones"), (["--rated-power", "1,2,3"], "expected a number for each"),

@@ -130,9 +130,10 @@ def test_power_that_is_logged_a_row_late_biases_nothing():
     assert not fitted.layout.second
 
 
-def test_a_log_that_shows_no_heater_is_refused_with_a_way_on():
-    time = np.arange(0.0, 800.0, 4.0)
-    rise = np.column_stack([20.0 + 0.02 * time**1.5, 20.0 + 0.01 * time**1.5])
+@pytest.mark.parametrize("power", [0.5, 1.0, 1.2])
+def test_a_log_that_shows_no_heater_is_refused_with_a_way_on(power):
+    time = np.arange(0.0, 800.0, 4.0)  # temperatures that rise whatever the powers do
+    rise = np.column_stack([20.0 + 0.02 * time**power, 20.0 + 0.01 * time**power])
     powers = np.full((200, 2), 20.0)
     powers[100:, 0] = powers[150:, 1] = 21.0
     log = ZoneLog(name="rises", zones=("a", "b"), time_s=time, temperatures_degC=rise, powers_pct=powers)

@@ -1,4 +1,4 @@
-"""The commissioning record of all zones on one page: verdict, a picture of the run, and the words of each zone to tick."""
+"""The commissioning record of all zones on one page: verdict, a picture of the run, and each zone's words to tick."""
 
 from __future__ import annotations
 
@@ -15,14 +15,17 @@ from heatertune.report.html import BLANK, bullets, page, picture, table, text_of
 from heatertune.report.plots import new_figure
 from heatertune.report.report_text import figure
 from heatertune.zones.joint_proof import JointProof
+from heatertune.zones.zone_export import text_of_zone
 
 __all__ = ["zone_record"]
 
 _HEADS: Final = ("zone", "setpoint [°C]", "gain [°C/%]", "time constant [s]", "dead time [s]", "K [%/°C]", "TN [s]",
                  "TV [s]", "start of the PWM period [s]")
+#: target → where the words of the first zone stand in the program
+_BLOCKS: Final = {"s7-300": " The parameters stand in DB 100.", "s5-ob251": " The parameters stand in DB 30."}
 _ACCEPTANCE: Final = (
     "Heat up all zones together and note the highest temperature of each.",
-    "Change the setpoint of one zone, wait until all zones rest, and note how far its neighbours went away.",
+    "Change the setpoint of one zone, wait until all zones rest, and note how far its neighbours deviate.",
     "Switch one zone off and on again; its neighbours return to their setpoints.")
 
 
@@ -79,10 +82,12 @@ def _words(proof: JointProof, *, refused: bool) -> list[str]:
         rows = [(tick(f"z{number}-{row}", f"{zone}: {cell[1]}"), *cell) for row, cell in enumerate(cells)]
         warning = '<p class="fail">Do not enter: these parameters are not proven.</p>' if refused else ""
         source = controller_for(words.target).title
+        entry = text_of_zone(words.target, setpoint_entry(words, setpoint), number)
+        blocks = text_of_zone(words.target, _BLOCKS.get(words.target, ""), number)
         found.append(
             f"<h2>Zone {text_of(zone)}: parameters for {text_of(words.target)}</h2>{warning}"
             f"<p>Sensor {describe_range(words.scaling)}; call every {figure(words.sample_time_s)} s. Setpoint of the "
-            f"proof: {figure(setpoint)} °C; enter {text_of(setpoint_entry(words, setpoint))}.</p>"
+            f"proof: {figure(setpoint)} °C; enter {text_of(entry)}.{blocks}</p>"
             + table(("done", *heads), rows, numeric=tuple(place + 1 for place in values), source=source))
     return found
 
