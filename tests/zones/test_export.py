@@ -150,6 +150,15 @@ def test_the_command_designs_zones(tmp_path, capsys):
     assert document["verdict"] == "PASS"
     assert document["exchange"][0][1] == pytest.approx(2.0, abs=0.05)
     assert (out / "s7_300_zones.awl").is_file()
+    page = (out / "record.html").read_text(encoding="utf-8")
+    words = json.loads((out / "data" / "zones.json").read_text(encoding="utf-8"))["zones"]
+    for zone in words:  # the page of both zones: their words as they are typed in, and the program
+        assert f"Zone {zone['name']}: parameters for s7-300" in page
+        assert f"{zone['words']['GAIN']:.9g}" in page
+    assert "SP (DBW 2 of DB 111)" in page  # of the second zone: its own block, as the program has it
+    assert "stand in DB 110" in page
+    assert "s7_300_zones.awl" in page
+    assert "Do not enter" not in page
     for wrong, complaint in ((["--ms", "1.4"], "--ms: not for zones"), (["--rated-power", "1,2,3"], "expected a number for each"),
                              (["--zone-setpoints", "45,warm"], "expected numbers"), (["--peak-power", "3"], "rated power")):
         assert main([*arguments, *wrong]) == 2

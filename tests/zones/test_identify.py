@@ -115,3 +115,27 @@ def test_files_of_each_zone_need_one_clock(tmp_path):
         read_zones(paths, ["a", "b"])
     with pytest.raises(InputError, match="2 logs for 3 zones"):
         read_zones(paths, ["a", "b", "c"])
+
+
+def test_power_that_is_logged_a_row_late_biases_nothing():
+    # rows 20 s apart, dead times of 8 s: an edge 19 s before its row would need a dead time of -11 s
+    random = np.random.default_rng(3)
+    network = chain(2, 1.0, dead=8.0)
+    powers = np.roll(steps(2, 6000), -(int(np.flatnonzero(np.diff(steps(2, 6000)[:, 0]))[0]) % 20) + 1, axis=0)
+    fitted = fit_network(log_of(network, powers, random, every=20))
+    for zone in "ab":
+        interval = fitted.ci95[f"time_constant_s {zone}"]
+        assert interval.low <= 240.0 <= interval.high
+        assert interval.high - interval.low < 10.0
+    assert not fitted.layout.second
+
+
+@pytest.mark.parametrize("power", [0.5, 1.0, 1.2])
+def test_a_log_that_shows_no_heater_is_refused_with_a_way_on(power):
+    time = np.arange(0.0, 800.0, 4.0)  # temperatures that rise whatever the powers do
+    rise = np.column_stack([20.0 + 0.02 * time**power, 20.0 + 0.01 * time**power])
+    powers = np.full((200, 2), 20.0)
+    powers[100:, 0] = powers[150:, 1] = 21.0
+    log = ZoneLog(name="rises", zones=("a", "b"), time_s=time, temperatures_degC=rise, powers_pct=powers)
+    with pytest.raises(InputError, match="log a step of each zone's power"):
+        fit_network(log)

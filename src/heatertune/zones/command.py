@@ -16,6 +16,7 @@ from heatertune.writing import write_files
 from heatertune.zones.identify import FittedNetwork, fit_network, read_zones
 from heatertune.zones.joint_proof import JointProof, ZoneSpecification, design_zones, specification_for
 from heatertune.zones.zone_export import export_zones
+from heatertune.zones.zone_record import zone_record
 
 __all__ = ["run", "to_document"]
 
@@ -51,6 +52,7 @@ def run(settings: argparse.Namespace) -> int:
     files: dict[str, str | bytes] = {f"{DATA}/zones.json": to_json(document)}
     if proof.verdict == "PASS" or settings.force:
         files |= export_zones(proof, force=settings.force)
+    files["record.html"] = zone_record(proof, document, [name for name in files if not name.startswith(DATA)])
     write_files(settings.out, files)
     text = f"{fitted.summary()}\n{_parameters(proof)}\n{proof.summary()}\nwritten to {settings.out}"
     brief = f"{_parameters(proof)}\n{_brief(proof)}\nwritten to {settings.out}"

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from heatertune.arrays import Array
 from heatertune.errors import InputError, OutOfRange
@@ -54,6 +55,8 @@ _MOST_STEPS: Final = 40
 _CHANGES: Final = 60  # of a zone's power, the largest, whose instants are fitted
 _ROUNDS: Final = 3  # of that fit
 _COLDER: Final = 0.02  # exchange below 0 that cannot be the noise of a weak one
+_LEAST_SHOWN: Final = 1e-14  # of a direction of the parameters, relative to what the log shows of each
+_NO_HEATER: Final = 1e3  # ratio of an end of an interval to the gain or lag, from which on nothing is known of it
 _KNOWN: Final = 10.0  # ratio of an end of a lag's interval to the lag, beyond which the log does not show it
 _FROM_REST: Final = "log a step of each zone's power, one after the other, each until all temperatures are steady"
 _WIDE: Final = 4.0  # ratio of an interval's ends above which the log bounds nothing
@@ -433,13 +436,14 @@ class _NetworkProblem:
         late = (self.late_changes(fit) / np.sqrt(inflated)[:, None]).reshape(len(weighted), -1)
         normal, crossed = weighted.T @ weighted, weighted.T @ late
         normal -= crossed @ np.linalg.solve(late.T @ late + self._prior(late.shape[1]), crossed.T)
-        return np.asarray(np.linalg.pinv(normal) / np.outer(scale, scale))
+        values, vectors = np.linalg.eigh(normal)  # what the log does not show has a variance without end, not none
+        return np.asarray((vectors / np.maximum(values, _LEAST_SHOWN)) @ vectors.T / np.outer(scale, scale))
 
     def _prior(self, count: int) -> Array:
         """Return what is known of the instants of changes: any one between two rows, variance interval²/12."""
         return np.asarray(12.0 / self.interval_s**2 * np.eye(count))
 
-    def _timed(self) -> list[Array]:
+    def _timed(self) -> list[npt.NDArray[np.intp]]:
         """Return which changes of each zone's power are timed: the largest."""
         return [np.argsort(-np.abs(course.changes_pct))[:_CHANGES] for course in self.courses]
 
@@ -534,18 +538,18 @@ def _inflation(residuals: Array) -> float:
 
 
 def _result(log: ZoneLog, problem: _NetworkProblem, fit: _NetworkFit) -> FittedNetwork:
-    readings, (own, _) = problem.readings, fit.layout.parts(fit.values)
-    for zone, ambient in zip(log.zones, own[:, 3], strict=True):
-        if ambient < ABSOLUTE_ZERO_DEGC:
-            raise InputError(f"{log.name}: the log does not show the heater of zone {zone!r}, which would rest at "
-                             f"{ambient:.4g} °C without power: {_FROM_REST}")
+    readings, (own, _), covariance = problem.readings, fit.layout.parts(fit.values), problem.covariance(fit)
+    reach = _NORMAL * np.sqrt(np.diag(covariance)[: own.size].reshape(own.shape)[:, :2])
+    for zone, ambient, known in zip(log.zones, own[:, 3], reach < math.log(_NO_HEATER), strict=True):
+        if ambient < ABSOLUTE_ZERO_DEGC or not np.all(known):
+            raise InputError(f"{log.name}: the log does not show the heater of zone {zone!r}: {_FROM_REST}")
     error = np.sqrt(np.sum(fit.residuals**2, axis=0) / np.sum((readings - readings.mean(axis=0)) ** 2, axis=0))
     fit_pct = tuple(100.0 * (1.0 - error))
     findings = [Finding(name="poor-fit", message=f"the network explains {share:.3g} % of zone {zone}'s log")
                 for zone, share in zip(log.zones, fit_pct, strict=True) if share < _POOR_PCT]
     fitted = FittedNetwork(
         network=fit.layout.network(log.zones, fit.values), layout=fit.layout, values=fit.values,
-        covariance=problem.covariance(fit), late_s=_LATE_ROWS * log.interval_s,
+        covariance=covariance, late_s=_LATE_ROWS * log.interval_s,
         noise_degC=tuple(fit.residuals.std(axis=0)), fit_pct=fit_pct, residuals_degC=fit.residuals,
         log=log.name, interval_s=log.interval_s,
         setpoints_degC=None if log.setpoints_degC is None else tuple(log.setpoints_degC[-1]),

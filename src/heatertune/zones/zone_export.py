@@ -15,7 +15,7 @@ from heatertune.errors import ExportRefused, InputError
 from heatertune.plc import controller_for
 from heatertune.zones.joint_proof import JointProof
 
-__all__ = ["export_zones"]
+__all__ = ["export_zones", "text_of_zone"]
 
 _BETWEEN: Final = 10  # numbers of blocks from one zone to the next
 _MOST: Final = 8  # zones whose heaters are the bits of one byte of outputs
@@ -151,3 +151,9 @@ def _s7_moved(text: str, number: int) -> str:
 
 
 _PROGRAMS: Final[dict[str, Callable[..., dict[str, str | bytes]]]] = {"s5-ob251": _s5, "s7-300": _s7}
+_MOVED: Final[dict[str, Callable[[str, int], str]]] = {"s5-ob251": _s5_moved, "s7-300": _s7_moved}
+
+
+def text_of_zone(target: str, text: str, number: int) -> str:
+    """Return a text on one heater's program with the blocks, inputs and outputs of a zone; the first zone has 0."""
+    return _MOVED[target](text, number) if target in _MOVED else text
