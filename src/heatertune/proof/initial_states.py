@@ -35,7 +35,8 @@ _LONGER: Final = 0.25
 #: of the heater alone: no state changes it
 _OF_HEATER: Final = "power_reserve"
 #: criteria of one band: what hunts between two ticks uses the sum of both, and of one tick's effect
-_AT_REST: Final = frozenset({"steady_offset", "limit_cycle"})
+_SWING: Final = "limit_cycle"
+_AT_REST: Final = frozenset({"steady_offset", _SWING})
 
 
 def near_limit(step_s: float, dead_time_s: float) -> float:
@@ -61,8 +62,9 @@ def nearest_to_limits(
     nearest = dict[str, tuple[float, int]]()
     for run, (criteria, share, tick_degC) in enumerate(zip(runs, shares, ticks_degC, strict=True)):
         band = next((one.limit for one in criteria if one.name in _AT_REST and one.limit), None)
-        at_rest = 0.0 if band is None else tick_degC / band + sum(
-            one.strain for one in criteria if one.name in _AT_REST)
+        rest = [one for one in criteria if one.name in _AT_REST]
+        swing_degC = next((one.value for one in rest if one.name == _SWING), 0.0)  # a loop that is still has no tick
+        at_rest = 0.0 if band is None else min(tick_degC, swing_degC) / band + sum(one.strain for one in rest)
         for one in (one for one in criteria if one.name != _OF_HEATER):
             used = at_rest if one.name in _AT_REST else one.strain
             if used > max(share, nearest.get(one.name, (0.0, 0))[0]):
