@@ -112,7 +112,7 @@ def test_hunting_is_near_by_offset_half_swing_and_the_effect_of_a_tick_together(
     assert nearest_to_limits([still], [0.95], [0.5]) == []
 
 
-@pytest.mark.parametrize(("step_s", "dead_s", "share"), [(0.1, 10.0, 0.948), (2.5, 10.0, 0.9), (60.0, 1.0, 0.85)])
+@pytest.mark.parametrize(("step_s", "dead_s", "share"), [(0.1, 10.0, 0.948), (2.5, 10.0, 0.9), (60.0, 1.0, 0.9)])
 def test_a_step_that_is_long_against_the_dead_time_is_near_earlier(step_s, dead_s, share):
     assert near_limit(step_s, dead_s) == pytest.approx(share)
 

@@ -25,7 +25,7 @@ _NEAR: Final = 0.95
 #: designs another phase raised the use of a limit above 0.6 by up to 14 % of it where that share was 0.25, and by 0.2 %
 #: where it was 0.06; a share of a limit of two hundredths is within what an independent judge takes for the same
 _PER_STEP: Final = 0.2
-_MOST_FOR_STEP: Final = 0.1
+_MOST_FOR_STEP: Final = 0.05
 #: initial states from which it is repeated
 STATES: Final = 8
 #: of a scan: an event just after a scan waits longest for the next one
