@@ -17,10 +17,10 @@ import numpy as np
 from heatertune.proof.criteria import Criterion, worst_of
 from heatertune.proof.scenario import Scenario, SetpointRampEvent
 
-__all__ = ["STATES", "near_limit", "nearest_to_limits", "other_states", "worst_state"]
+__all__ = ["CLOSE", "STATES", "near_limit", "nearest_to_limits", "other_states", "worst_state"]
 
 
-_NEAR: Final = 0.95
+CLOSE: Final = 0.95
 #: of a limit, per step of scan and PWM as a share of the dead time: an event is noticed so much later at most. On drawn
 #: designs another phase raised the use of a limit above 0.6 by up to 14 % of it where that share was 0.25, and by 0.2 %
 #: where it was 0.06; a share of a limit of two hundredths is within what an independent judge takes for the same
@@ -46,7 +46,7 @@ def near_limit(step_s: float, dead_time_s: float) -> float:
         step_s: the longest of scan, PWM period and sampling interval [s].
         dead_time_s: of the heater [s].
     """
-    return _NEAR - min(_MOST_FOR_STEP, _PER_STEP * step_s / max(dead_time_s, step_s))
+    return CLOSE - min(_MOST_FOR_STEP, _PER_STEP * step_s / max(dead_time_s, step_s))
 
 
 def nearest_to_limits(
