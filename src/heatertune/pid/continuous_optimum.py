@@ -229,7 +229,7 @@ class ContinuousProblem:
 
     @property
     def heaters(self) -> Array:
-        """Gain [°C/%], larger and smaller lag (0: none), dead time [s] of each model, shape (p, 4)."""
+        """A row of each model, see `continuous_loop.Heater`, shape (p, 5)."""
         return np.array([_row(plant) for plant in self.plants])
 
     @property
@@ -395,7 +395,7 @@ def _pace(plant: HeaterModel, structure: str, mks: float) -> float:
 
 
 def _row(plant: HeaterModel) -> tuple[float, ...]:
-    return plant.gain_degC_per_pct, *(*plant.lags_s, 0.0)[:2], plant.dead_time_s
+    return plant.gain_degC_per_pct, *(*plant.lags_s, 0.0)[:2], plant.dead_time_s, plant.fast_share or 0.0
 
 
 def _settings(design: PidDesign) -> tuple[float, float, float]:
