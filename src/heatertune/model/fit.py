@@ -21,7 +21,7 @@ from heatertune.model.outliers import undisturbed_part
 from heatertune.model.power.explanation import Explanation, explain_log
 from heatertune.model.power.feedback import loop_remarks
 from heatertune.model.power.fit_logs import fit_logs
-from heatertune.model.power.fit_power import fit_power, fit_extended, weigh_fit
+from heatertune.model.power.fit_power import fit_extended, fit_power, weigh_fit
 from heatertune.model.power.known_controller import KnownController, compare, offset_degC, rate, records, replay_notes
 from heatertune.model.power.load_steps import is_sensible
 from heatertune.model.power.regressors import AMBIENT

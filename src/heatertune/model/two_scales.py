@@ -71,7 +71,7 @@ class TwoScale(TwoLag):
         return self.gain_degC_per_pct * power_pct * self._unit_step(since)
 
     def _unit_step(self, since_s: Array) -> Array:
-        through_mass, past_it = since_step(since_s, *self.lags_s)[0], since_step(since_s, self.second_time_constant_s)[0]
+        through_mass, past_it = (since_step(since_s, *lags)[0] for lags in (self.lags_s, self.lags_s[1:]))
         return np.asarray((1.0 - self.fast_share) * through_mass + self.fast_share * past_it)
 
     def _predicted(self, time: Array, power: Array, ambient: float, before: float) -> Array:

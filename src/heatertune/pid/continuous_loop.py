@@ -20,8 +20,8 @@ from heatertune.pid.design_values import DERIVATIVE_FILTER_N
 from heatertune.pid.specs import ROOM
 
 __all__ = [
-    "DERIVATIVE_FILTER_N", "Four", "Heater", "Space", "controller", "encirclements", "least_price", "oscillation", "pieces",
-    "price", "space_for",
+    "DERIVATIVE_FILTER_N", "Four", "Heater", "Space", "controller", "encirclements", "least_price", "oscillation",
+    "pieces", "price", "space_for",
 ]
 
 Four = tuple[float, float, float, float]

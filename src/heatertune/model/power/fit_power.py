@@ -70,7 +70,7 @@ from heatertune.model.statistics import PERIOD, RATIO, Interval, autocorrelation
 from heatertune.units import NOMENCLATURE
 
 __all__ = [
-    "Contributions", "contributions_of", "fit_power", "fit_extended",
+    "Contributions", "contributions_of", "fit_extended", "fit_power",
     "halves_notes", "interval_widening", "limit_notes",
     "log_notes", "longest_hold_s", "notes_of", "outcome_of", "rival_notes", "said_by_halves", "share_remarks",
     "values_at_ends", "values_of", "weigh_fit", "widening_notes",

@@ -170,7 +170,9 @@ def fit_loss_curves(problems: Sequence[PowerProblem], fits: Sequence[PowerFit], 
                 found.append(fit)
     found.sort(key=lambda fit: fit.bic)
     kept = [fit for fit in found if fit.bic < found[0].bic + _NEAR]
-    return kept if kept and all(map(_is_known, kept)) and leaves_noise(kept[0].problem.readings, kept[0].simulated_degC) else []
+    if not kept or not all(map(_is_known, kept)):
+        return []
+    return kept if leaves_noise(kept[0].problem.readings, kept[0].simulated_degC) else []
 
 
 def _shortest_hold(problem: PowerProblem) -> float:

@@ -5,8 +5,8 @@ only lags and dead time are searched. The heater is taken only where it explains
 leaves nothing but noise, and where its slow lag and its rise after a step are known.
 
 Ends of the 95 % intervals are plausible heaters: of the dead time, of the rise after a step (fast gain per fast lag),
-of the fast lag and of the slow one; the other parameters follow as in the fit's normal equations, whose noise is that of
-first-order autoregressive residuals.
+of the fast lag and of the slow one; the other parameters follow as in the fit's normal equations, whose noise is that
+of first-order autoregressive residuals.
 """
 
 from __future__ import annotations

@@ -451,7 +451,7 @@ def _heater(row: Array, centre: HeaterModel) -> HeaterModel:
         return replace(centre, gain_degC_per_pct=gain, time_constant_s=first, dead_time_s=dead, **lags)
     known = {"gain_degC_per_pct": gain, "time_constant_s": first, "dead_time_s": dead, "ambient_degC": ambient}
     if centre.fast_share is not None:
-        return replace(centre, **known, second_time_constant_s=second)  # type: ignore[call-arg]
+        return replace(centre, **known, second_time_constant_s=second)
     return TwoLag(**known, second_time_constant_s=second) if second else Fopdt(**known)
 
 
