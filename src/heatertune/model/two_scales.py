@@ -21,7 +21,7 @@ from heatertune.model.model_values import Fopdt, TwoLag
 from heatertune.units import check
 
 if TYPE_CHECKING:
-    from control import StateSpace, TransferFunction
+    from control import TransferFunction
 
     from heatertune.arrays import Array
 
@@ -91,18 +91,8 @@ class TwoScale(TwoLag):
         if sample_time_s is not None:
             raise InputError("a heater of two time scales has no sampled transfer function here; leave sample_time_s "
                              "out and sample the continuous one with python-control")
-        import control
-
         whole = TwoLag.to_tf(self, pade=pade)
-        return control.TransferFunction(np.polymul(whole.num[0][0], [self.zero_s, 1.0]), whole.den[0][0])
-
-    def to_ss(self, *, pade: int | None = None, sample_time_s: float | None = None) -> StateSpace:
-        """Return `to_tf` as python-control's state space."""
-        from control import StateSpace
-        from scipy.signal import tf2ss
-
-        system = self.to_tf(pade=pade, sample_time_s=sample_time_s)
-        return StateSpace(*tf2ss(system.num[0][0], system.den[0][0]))
+        return type(whole)(np.polymul(whole.num[0][0], [self.zero_s, 1.0]), whole.den[0][0])
 
     def scaled(self, gain: float, lag: float, dead_time_s: float) -> TwoScale:
         """Return the heater with another gain and other lags, both as factors, and another dead time."""

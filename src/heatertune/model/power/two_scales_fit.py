@@ -82,7 +82,7 @@ class TwoScaleFit:
                 "next to them has the same gain and rises alike shortly after a step.")
 
 
-class _Solution(NamedTuple):
+class _LagSolution(NamedTuple):
     vector: Array
     weights: Array
     simulated_degC: Array
@@ -104,14 +104,9 @@ def fit_two_scales(problem: PowerProblem, better_than: float) -> list[TwoScaleFi
     bic = ar1_bic(record - solution.simulated_degC, unknowns)
     whole = np.concatenate([solution.vector, solution.weights[:2]])
     model = _heater(whole, _ambient(plain, solution.weights))
-    if model is None or not bic < better_than - _NEAR or _on_bound(plain, solution.vector):
+    if model is None or not bic < better_than - _NEAR or not _is_inside(plain, solution):
         return []
-    if not leaves_noise(plain.readings, solution.simulated_degC, _NOISE):
-        return []
-    covariance = _covariance(plain, solution)
-    if covariance is None:
-        return []
-    ends = tuple(_ends(plain, solution, covariance))
+    ends = tuple(_ends(plain, solution, _covariance(plain, solution)))
     return [TwoScaleFit(heaters=(LossEnd(model, ""), *ends), simulated_degC=solution.simulated_degC, bic=bic,
                         problem=plain)] if ends else []
 
@@ -122,13 +117,14 @@ def _bounds(problem: PowerProblem) -> tuple[Array, Array]:
     return low, high
 
 
-def _on_bound(problem: PowerProblem, vector: Array) -> bool:
-    """Return whether the slow lag is at its end, or the lags are too near to each other."""
-    _, high = _bounds(problem)
-    return bool(vector[_SLOW] >= high[_SLOW] - 1e-2 or vector[_SLOW] - vector[_FAST] <= math.log(_APART))
+def _is_inside(problem: PowerProblem, solution: _LagSolution) -> bool:
+    """Return whether a fit leaves little more than noise, its slow lag not at its end and the lags far apart."""
+    vector, (_, high) = solution.vector, _bounds(problem)
+    on_bound = vector[_SLOW] >= high[_SLOW] - 1e-2 or vector[_SLOW] - vector[_FAST] <= math.log(_APART)
+    return not on_bound and leaves_noise(problem.readings, solution.simulated_degC, _NOISE)
 
 
-def _solve(problem: PowerProblem) -> _Solution:
+def _solve(problem: PowerProblem) -> _LagSolution:
     """Return the least squares over a grid, refined on averaged readings and then on all."""
     low, high = _bounds(problem)
     coarse = problem.average(_COARSE)
@@ -146,7 +142,7 @@ def _solve(problem: PowerProblem) -> _Solution:
         vectors = minima.parameters[np.argsort(minima.cost)[:1]]
     columns, given = _columns(problem, vectors[0])
     weights = _weights(columns, problem.readings.temperature_degC - given)
-    return _Solution(vectors[0], weights, given + weights @ columns)
+    return _LagSolution(vectors[0], weights, given + weights @ columns)
 
 
 def _columns(problem: PowerProblem, z: Array) -> tuple[Array, Array]:
@@ -191,7 +187,7 @@ def _heater(z: Array, ambient_degC: float | None) -> TwoScale | None:
         return None
 
 
-def _covariance(problem: PowerProblem, solution: _Solution) -> Array | None:
+def _covariance(problem: PowerProblem, solution: _LagSolution) -> Array | None:
     """Return the covariance of lags, dead time, gains and the rest of the linear part; None if it is singular."""
     z, weights = solution.vector, solution.weights
     low, high = _bounds(problem)
@@ -218,8 +214,10 @@ def _covariance(problem: PowerProblem, solution: _Solution) -> Array | None:
     return np.asarray(variance * np.linalg.inv(normal) / np.outer(scale, scale))
 
 
-def _ends(problem: PowerProblem, solution: _Solution, covariance: Array) -> Iterator[LossEnd]:
+def _ends(problem: PowerProblem, solution: _LagSolution, covariance: Array | None) -> Iterator[LossEnd]:
     """Yield the heaters at the ends of intervals; none if slow lag or rise are not known."""
+    if covariance is None:
+        return
     whole = np.concatenate([solution.vector, solution.weights])
     reach = student_t(max(len(solution.simulated_degC) - len(whole), 2))
     unit = np.eye(len(whole))
