@@ -66,7 +66,7 @@ class TwoScale(TwoLag):
         return np.asarray(zero * TwoLag.frequency_response(self, omega))
 
     def step(self, time_s: npt.ArrayLike, *, power_pct: float = 1.0) -> Array:
-        """Return the rise of the temperature after a step of the power at time 0, see `Dynamics.step`."""
+        """Return the rise after a step of the power at time 0, see `Dynamics.step`, shape of `time_s` [°C]."""
         since = np.maximum(np.asarray(time_s, dtype=np.float64) - self.dead_time_s, 0.0)
         return self.gain_degC_per_pct * power_pct * self._unit_step(since)
 
