@@ -240,8 +240,7 @@ def oscillation(  # noqa: PLR0915 - one loop
     past = DERIVATIVE_FILTER_N if tv > 0.0 else 0.0
     h, whole, late = _grid(heater, gain * (1.0 + past), finer)
     first, second = apart(first, second)
-    zero = fast * first
-    s1, s2 = k * (first - zero) / (first - second), -k * (second - zero) / (first - second)
+    s1, s2 = k * (first - fast * first) / (first - second), -k * (second - fast * first) / (first - second)
     (a1, o1, n1), (a2, o2, n2), (af, of, nf) = _lag(first, h), _lag(second, h), _lag(tv / DERIVATIVE_FILTER_N, h)
     new, old = s1 * n1 + s2 * n2, s1 * o1 + s2 * o2
     direct = gain * (1.0 + 0.5 * h / tn + past * (1.0 - nf))
