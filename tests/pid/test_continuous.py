@@ -41,7 +41,7 @@ def _price(*given):
 
 
 def _pieces(*given):
-    space = continuous.space_for(len(given[0]), np.empty((0, 4)), 1.0)
+    space = continuous.space_for(len(given[0]), np.empty((0, 5)), 1.0)
     count = compile_function(continuous.pieces, calls=True)(*given, space)
     return space.ends[:, :count][:, ::-1]
 

@@ -438,7 +438,7 @@ def _price(heaters: Array, weights: Array, design: PidDesign, finer: float) -> f
 
 def _pieces(omega: Array, plant: Complex, tn: float, tv: float, limits: Four) -> tuple[Array, Array]:
     """Return bottoms and tops of the feasible pieces of K, the highest first."""
-    space = continuous.space_for(len(omega), np.empty((0, 4)), 1.0)
+    space = continuous.space_for(len(omega), np.empty((0, 5)), 1.0)
     count = compile_function(continuous.pieces, calls=True)(omega, plant, tn, tv, limits, space)
     bottoms, tops = space.ends[:, :count][:, ::-1]
     return bottoms, tops
