@@ -235,7 +235,7 @@ def trace_run(
     edges = np.empty(ring_size(pulses))
     stretches = pulses + batch.event_time.size
     if have_loss(plant):  # each scan and each tangent begins one more
-        stretches += 2 + scans + math.ceil(float(time[-1]) / plant[0, -1])
+        stretches += 2 + scans + math.ceil(float(time[-1]) / plant[0, -2])
     record = TraceArrays(
         True, np.empty(scans), np.empty(scans), np.empty(scans), np.empty(scans), np.zeros(scans, dtype=np.int64),
         *(np.empty(stretches) for _ in range(4)),
