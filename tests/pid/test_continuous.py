@@ -41,7 +41,7 @@ def _price(*given):
 
 
 def _pieces(*given):
-    space = continuous.space_for(len(given[0]), np.empty((0, 4)), 1.0)
+    space = continuous.space_for(len(given[0]), np.empty((0, 5)), 1.0)
     count = compile_function(continuous.pieces, calls=True)(*given, space)
     return space.ends[:, :count][:, ::-1]
 
@@ -116,7 +116,7 @@ def test_ms_is_met_at_two_gains_and_both_are_found_with_their_costs():
     bottoms, tops = _pieces(omega, plant, 0.13042, 0.02029, (1.6, NONE, NONE, 0.0))
     assert tops == pytest.approx([12.12, 0.298], rel=1e-3)
     assert bottoms[0] > tops[1]
-    heaters = np.array([[1.0, 1.0, 0.0, 0.05]])
+    heaters = np.array([[1.0, 1.0, 0.0, 0.05, 0.0]])
     costs = [_price(heaters, LOAD, top, 0.13042, 0.02029, 2.0, NONE) for top in tops]
     assert costs == pytest.approx([0.01473, 0.7472], rel=1e-3)
 
@@ -172,7 +172,7 @@ def test_the_margins_are_those_of_plain_evaluation(plant):
 ])
 def test_the_load_iae_is_that_of_runge_and_kutta(plant, settings):
     k, lag, dead = plant
-    heaters = np.array([[k, lag, 0.0, dead]])
+    heaters = np.array([[k, lag, 0.0, dead, 0.0]])
     by_steps = brute_force.iae_load(plant, *(np.array([value]) for value in settings), per_dead_time=80)[0]
     assert _price(heaters, LOAD, *settings, 4.0, NONE) == pytest.approx(by_steps, rel=5e-4)
 
@@ -185,7 +185,7 @@ def test_without_dead_time_the_costs_are_those_of_the_linear_system():
     k, a, b, gain, tn = 1.5, 4.0, 1.0, 2.0, 2.5
     closed = np.polyadd([a * b * tn, (a + b) * tn, tn, 0.0], [k * gain * tn, k * gain])
     t = np.linspace(0.0, 400.0, 400_001)
-    heaters = np.array([[k, a, b, 0.0]])
+    heaters = np.array([[k, a, b, 0.0, 0.0]])
     load = signal.step(([k * tn, 0.0], closed), T=t)[1]
     setpoint = 1.0 - signal.step(([k * gain * tn, k * gain], closed), T=t)[1]
     expected = [trapezoid(np.abs(load), t), trapezoid(np.abs(setpoint), t), trapezoid(t * np.abs(load), t), tn / gain]
@@ -216,7 +216,7 @@ def test_setpoint_iae_and_itae_are_those_of_fine_euler_steps(settings):
             area += h * abs(e)
             moment += h * i * h * abs(e)
         found.append((area, moment))
-    heaters = np.array([[1.0, 1.0, 0.0, dead]])
+    heaters = np.array([[1.0, 1.0, 0.0, dead, 0.0]])
     price = [_price(heaters, np.eye(4)[i : i + 1], *settings, 4.0, NONE) for i in (0, 1, 2)]
     assert price == pytest.approx([found[1][0], found[0][0], found[1][1]], rel=2e-3)
 
@@ -342,7 +342,7 @@ def test_a_kick_of_the_derivative_far_shorter_than_a_step_of_time_costs_what_it_
         summed += h * e
         slow += h * 10.0 / tv * (e - slow)
         area += h * abs(e)
-    heaters = np.array([[k, lag, 0.0, dead]])
+    heaters = np.array([[k, lag, 0.0, dead, 0.0]])
     for finer in (0.5, 2.0):
         assert _price(heaters, np.eye(4)[1:2], gain, tn, tv, finer, NONE) == pytest.approx(area, rel=3e-3)
 
@@ -489,7 +489,7 @@ def test_every_random_heater_ends_with_a_feasible_design_or_a_sentence(seed):
 @pytest.mark.parametrize("dead", [0.0, 1e-300, 3.0, 1e300])
 def test_gains_beyond_all_numbers_write_nowhere_but_in_their_room(dead, steps):
     # compiled code does not look where it writes: what is beside its room stays as it is
-    heaters, wild = np.array([[1.0, 20.0, 5.0, dead]]), (0.0, -1.0, 1e-308, 1e308, math.inf, math.nan)
+    heaters, wild = np.array([[1.0, 20.0, 5.0, dead, 0.0]]), (0.0, -1.0, 1e-308, 1e308, math.inf, math.nan)
     for gain, tn, tv in [(1.0, 20.0, 1.0), *product(wild, wild, (*wild, 1.0))]:
         room = np.full((40, steps), 7.0)
         value = compile_function(continuous.price, calls=True)(heaters, LOAD, gain, tn, tv, 1.0, math.inf, room[1:3])

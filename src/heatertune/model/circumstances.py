@@ -23,7 +23,7 @@ from heatertune.model.findings import Finding
 from heatertune.model.model_values import Candidate, FittedModel
 from heatertune.model.outliers import replace_outliers, sensor_step
 from heatertune.model.power.uncertainty import told_apart
-from heatertune.model.reduction import ultimate_period_s
+from heatertune.model.reduction import ultimate_period_s, zero_s
 from heatertune.model.statistics import Interval
 from heatertune.units import check
 
@@ -106,7 +106,7 @@ def _ultimate_gain(candidate: Candidate) -> float:
     """Return the gain of a P controller at which the heater swings for ever [%/°C]; its dead time is above 0."""
     omega = 2.0 * math.pi / ultimate_period_s(candidate.model)
     lost = math.prod(math.hypot(1.0, omega * lag) for lag in candidate.model.lags_s)
-    return lost / abs(candidate.model.gain_degC_per_pct)
+    return lost / math.hypot(1.0, omega * zero_s(candidate.model)) / abs(candidate.model.gain_degC_per_pct)
 
 
 def _room(dead_time_s: float, late_s: float, most_s: float | None) -> float:

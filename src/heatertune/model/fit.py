@@ -21,7 +21,7 @@ from heatertune.model.outliers import undisturbed_part
 from heatertune.model.power.explanation import Explanation, explain_log
 from heatertune.model.power.feedback import loop_remarks
 from heatertune.model.power.fit_logs import fit_logs
-from heatertune.model.power.fit_power import fit_power, fit_with_loss, weigh_fit
+from heatertune.model.power.fit_power import fit_extended, fit_power, weigh_fit
 from heatertune.model.power.known_controller import KnownController, compare, offset_degC, rate, records, replay_notes
 from heatertune.model.power.load_steps import is_sensible
 from heatertune.model.power.regressors import AMBIENT
@@ -438,8 +438,8 @@ def _fit_logged(
 ) -> FittedModel:
     """Return the fit of a log with power."""
     explanation, notes = _explained(log, bounds, power_before_pct, delays, believed=believed)
-    if explanation.losses:
-        return fit_with_loss(explanation)
+    if explanation.extended:
+        return fit_extended(explanation)
     fitted = fit_power(explanation, weigh_fit(explanation, open_start=power_before_pct is None, seed=seed),
                        least_dead_time_s=delays.least_dead_time_s([log]), seed=seed)
     return replace(fitted, notes=notes + fitted.notes)
@@ -454,7 +454,7 @@ def _explained(
     explain = partial(explain_log, log, power_before_pct=power_before_pct, believed=believed,
                       most_dead_time_s=delays.dead_time_at_most_s)
     explanation = explain(ambient_degC=ambient)
-    if explanation.losses and bounds is None:
+    if explanation.extended and bounds is None:
         return explanation, ()
     end = _begun_at_degC(log, explanation) if bounds is None else _nearest_end(explanation, bounds)
     if end is None:

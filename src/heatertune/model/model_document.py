@@ -46,6 +46,7 @@ from heatertune.model.model_values import (
     model_by_hand,
 )
 from heatertune.model.statistics import LJUNG_BOX_95, Interval
+from heatertune.model.two_scales import TwoScale
 
 __all__ = [
     "SCHEMA", "CorrelationView", "ModelView", "ValidationView", "WhitenessView", "from_document", "read_model",
@@ -100,6 +101,7 @@ class CandidateView:
     ambient_degC: float | None = None
     second_time_constant_s: float | None = field(default=None, metadata=LEFT_OUT)
     loss: LossCurve | None = field(default=None, metadata=LEFT_OUT)
+    fast_share: float | None = field(default=None, metadata=LEFT_OUT)
     half_rule: _Reduced | None = field(default=None, metadata=LEFT_OUT)
     matched: _Reduced | None = field(default=None, metadata=LEFT_OUT)
     log: str
@@ -398,6 +400,8 @@ def _heater(view: CandidateView | ModelView) -> HeaterModel:
         if view.second_time_constant_s is None:
             return construct_from(LossFopdt, view)
         return construct_from(LossTwoLag, view)
+    if isinstance(view, CandidateView) and view.fast_share is not None:
+        return construct_from(TwoScale, view)
     return construct_from(Fopdt, view) if view.second_time_constant_s is None else construct_from(TwoLag, view)
 
 

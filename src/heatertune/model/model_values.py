@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
     from heatertune.heater.heat_loss import LossCurve
     from heatertune.model.disturbance import CoolingEffect, DisturbanceEffect
-    from heatertune.model.statistics import Interval
 
 __all__ = [
     "DEFAULT_PADE", "Candidate", "Dynamics", "FitOutcome", "FittedModel", "Fopdt", "Half", "HeaterModel", "HeldOut",
@@ -65,6 +64,11 @@ class Dynamics:
     @property
     def loss(self) -> LossCurve | None:
         """The curve of the heat loss; None if the loss is proportional to the rise above the ambient."""
+        return None
+
+    @property
+    def fast_share(self) -> float | None:
+        """Share of the power's effect that passes the slow mass; None if there is no such mass, see `TwoScale`."""
         return None
 
     @property
@@ -395,12 +399,8 @@ class TwoLag(Dynamics):
         analytic rules for model reduction and PID controller tuning", J. Process Control 13 (2003), eq. 10).
         """
         half = self.second_time_constant_s / 2.0
-        return Fopdt(
-            gain_degC_per_pct=self.gain_degC_per_pct,
-            time_constant_s=self.time_constant_s + half,
-            dead_time_s=self.dead_time_s + half,
-            ambient_degC=self.ambient_degC,
-        )
+        return Fopdt(gain_degC_per_pct=self.gain_degC_per_pct, time_constant_s=self.time_constant_s + half,
+                     dead_time_s=self.dead_time_s + half, ambient_degC=self.ambient_degC)
 
     def frequency_response(self, omega: Array) -> npt.NDArray[np.complex128]:
         """Return G(jω) [°C/%] at `omega` [rad/s], shape (n,), with the exact e^(−jωL)."""

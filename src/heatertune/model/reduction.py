@@ -15,10 +15,15 @@ import numpy as np
 from heatertune.arrays import Array
 from heatertune.model.model_values import Fopdt, HeaterModel, TwoLag
 
-__all__ = ["COMBINATIONS", "FIELDS", "crossover_rad_s", "match_fopdt", "ultimate_period_s"]
+__all__ = ["COMBINATIONS", "FIELDS", "crossover_rad_s", "match_fopdt", "ultimate_period_s", "zero_s"]
 
 
 _BISECTIONS = 60
+
+
+def zero_s(plant: HeaterModel) -> float:
+    """Return the time of the zero of a heater of two time scales [s], 0 if there is none."""
+    return (plant.fast_share or 0.0) * plant.lags_s[0]
 
 
 def ultimate_period_s(plant: HeaterModel) -> float:
@@ -31,7 +36,8 @@ def ultimate_period_s(plant: HeaterModel) -> float:
         return float("inf")  # two lags alone come near half a turn and never reach it
 
     def turned(omega: float) -> float:
-        return omega * plant.dead_time_s + sum(float(np.arctan(omega * lag)) for lag in plant.lags_s)
+        lead = float(np.arctan(omega * zero_s(plant)))
+        return omega * plant.dead_time_s + sum(float(np.arctan(omega * lag)) for lag in plant.lags_s) - lead
 
     low, high = 0.0, np.pi / plant.dead_time_s
     for _ in range(_BISECTIONS):
@@ -73,7 +79,7 @@ def crossover_rad_s(model: HeaterModel) -> float:
         return _lag_deg(model, math.exp(log_omega)) - _CUT_DEG
 
     low, high = math.log(1e-3 / slowest), math.log(1e3 / quickest)
-    if beyond(high) < 0.0:  # one lag without dead time never lags by so much
+    if beyond(high) < 0.0:  # one lag, or two scales, without dead time never lags by so much
         return math.exp(high)
     while high - low > 1e-12:
         middle = 0.5 * (low + high)
@@ -82,7 +88,7 @@ def crossover_rad_s(model: HeaterModel) -> float:
 
 
 def _lag_deg(model: HeaterModel, omega: float) -> float:
-    lags = sum(math.atan(lag * omega) for lag in model.lags_s)
+    lags = sum(math.atan(lag * omega) for lag in model.lags_s) - math.atan(zero_s(model) * omega)
     return math.degrees(lags + omega * model.dead_time_s)
 
 

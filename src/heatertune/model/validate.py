@@ -187,8 +187,8 @@ def _run(label: str, model: HeaterModel, log: Log, ambient_degC: float | None,
 def _simulated(problem: PowerProblem, model: HeaterModel, ambient_degC: float) -> tuple[Array, Array]:
     """Return measured − simulated, and the linear part; nan: the ambient is fitted."""
     fixed = problem.fixed
-    fixed[GAIN], fixed[AMBIENT] = model.gain_degC_per_pct, ambient_degC
-    record = problem.readings.temperature_degC
+    fixed[GAIN], fixed[AMBIENT] = (1.0 - (model.fast_share or 0.0)) * model.gain_degC_per_pct, ambient_degC
+    record = problem.readings.temperature_degC - _past_mass(problem, model)
     residuals, linear = problem.solve(_vector(model)[None, :], record[None, :], FixedUnknowns(values=fixed[None, :]))
     return -residuals[0], linear[0]
 
@@ -198,9 +198,18 @@ def _correlation(problem: PowerProblem, model: HeaterModel, linear: Array) -> In
     basis = thin.basis(vector)
     states = basis[[FIRST_STATE, SECOND_STATE] if isinstance(model, TwoLag) else [FIRST_STATE]]  # all that was fitted
     return input_correlation(
-        thin.readings, thin.readings.temperature_degC - linear @ basis, states.T, before_pct=thin.power_before,
+        thin.readings, thin.readings.temperature_degC - _past_mass(thin, model) - linear @ basis, states.T,
+        before_pct=thin.power_before,
         horizon_s=model.dead_time_s + model.lags_s[0], seed=_SEED,
     )
+
+
+def _past_mass(problem: PowerProblem, model: HeaterModel) -> Array:
+    """Return the part of the temperature that passes the slow mass of a heater of two time scales, shape (n,) [°C]."""
+    if model.fast_share is None:
+        return np.zeros(1)
+    element = replace(problem, two_lags=False).basis(np.array([math.log(model.lags_s[1]), model.dead_time_s, 0.0]))
+    return np.asarray(model.fast_share * model.gain_degC_per_pct * element[GAIN])
 
 
 def _vector(model: HeaterModel) -> Array:

@@ -20,11 +20,13 @@ from heatertune.pid.design_values import DERIVATIVE_FILTER_N
 from heatertune.pid.specs import ROOM
 
 __all__ = [
-    "DERIVATIVE_FILTER_N", "Four", "Space", "controller", "encirclements", "least_price", "oscillation", "pieces",
-    "price", "space_for",
+    "DERIVATIVE_FILTER_N", "Four", "Heater", "Space", "controller", "encirclements", "least_price", "oscillation",
+    "pieces", "price", "space_for",
 ]
 
 Four = tuple[float, float, float, float]
+#: k [°C/%], larger lag, smaller lag (0: none), dead time [s], and the share that passes the larger lag
+Heater = tuple[float, float, float, float, float]
 
 
 _MOST_PIECES = 6
@@ -56,8 +58,8 @@ class Space(NamedTuple):
 
 
 def space_for(points: int, heaters: Array, finer: float) -> Space:
-    """Return room for so many frequencies and for the steps of these heaters, shape (p, 4) as for `price`."""
-    steps = [finer * max(32.0, 8.0 * dead / first) for _, first, _, dead in heaters.tolist()]  # at most, see `_grid`
+    """Return room for so many frequencies and for the steps of these heaters, shape (p, 5) as for `price`."""
+    steps = [finer * max(32.0, 8.0 * dead / first) for _, first, _, dead, _ in heaters.tolist()]  # at most, see `_grid`
     return Space(
         loop=np.empty(points, dtype=np.complex128), low=np.full((3, points + 2), math.inf), high=np.empty((3, points)),
         excluded=np.empty((3 * points, 2)), ends=np.empty((2, _MOST_PIECES)),
@@ -185,15 +187,17 @@ def pieces(omega: Array, plant: Complex, tn: float, tv: float, limits: Four, spa
     return count
 
 
-def _grid(heater: Four, high: float, finer: float) -> tuple[float, int, float]:
+def _grid(heater: Heater, high: float, finer: float) -> tuple[float, int, float]:
     """Return the step, the whole steps of dead time and the share of a step left over (only without whole steps).
 
     `high` is the controller's gain at infinite frequency; it alone sets the pace where a heater has one lag only.
     """
-    k, first, second, dead = heater
+    k, first, second, dead, fast = heater
     pace = first / (k * high)
     if pace < second:
         pace = math.sqrt(pace * second)
+    if fast > 0.0:
+        pace = min(pace, second / (fast * k * high))
     step = min(max(dead + min(second, 4.0 * pace), pace / 8.0) / 32.0, first / 8.0) / finer
     if dead < step / 20.0:
         return step, 0, dead / step
@@ -217,13 +221,13 @@ def _above(v: float, w: float, t: float, h: float) -> tuple[float, float]:
 
 
 def oscillation(  # noqa: PLR0915 - one loop
-    heater: Four, settings: tuple[float, float, float], setpoint: float, load: float, finer: float,
+    heater: Heater, settings: tuple[float, float, float], setpoint: float, load: float, finer: float,
     dear: tuple[float, float, float], queue: Array,
 ) -> tuple[float, float]:
     """Return ∫v and ∫t·v of v, the part of the deviation whose sign is not that of ∫e dt; infinite if it diverges.
 
     Args:
-        heater: (k [°C/%], larger lag, smaller lag (0: none), dead time [s]).
+        heater: see `Heater`.
         settings: (K, TN, TV).
         setpoint: height of its step [°C], 0 if the load steps.
         load: height of its step [%], 0 if the setpoint steps.
@@ -231,12 +235,12 @@ def oscillation(  # noqa: PLR0915 - one loop
         dear: (weight of ∫v, weight of ∫t·v, weighted sum at which the response costs too much and is abandoned).
         queue: work array, shape (2, q), see `Space`.
     """
-    k, first, second, dead = heater
+    k, first, second, dead, fast = heater
     gain, tn, tv = settings
     past = DERIVATIVE_FILTER_N if tv > 0.0 else 0.0
     h, whole, late = _grid(heater, gain * (1.0 + past), finer)
     first, second = apart(first, second)
-    s1, s2 = k * first / (first - second), -k * second / (first - second)
+    s1, s2 = k * (first - fast * first) / (first - second), -k * (second - fast * first) / (first - second)
     (a1, o1, n1), (a2, o2, n2), (af, of, nf) = _lag(first, h), _lag(second, h), _lag(tv / DERIVATIVE_FILTER_N, h)
     new, old = s1 * n1 + s2 * n2, s1 * o1 + s2 * o2
     direct = gain * (1.0 + 0.5 * h / tn + past * (1.0 - nf))
@@ -297,7 +301,7 @@ def oscillation(  # noqa: PLR0915 - one loop
 def least_price(heaters: Array, weights: Array, gain: float, tn: float) -> float:
     """Return the cost of a response that never changes its sign: no loop with these settings costs less.
 
-    `heaters` and `weights`, shape (p, 4), are those of `price`.
+    `heaters`, shape (p, 5), and `weights`, shape (p, 4), are those of `price`.
     """
     least = 0.0
     for p in range(len(heaters)):
@@ -314,7 +318,7 @@ def price(
     """Return the cost: Σ over heaters and objectives of weight·value.
 
     Args:
-        heaters: k, lags and dead time of each, shape (p, 4).
+        heaters: a row of each, see `Heater`, shape (p, 5).
         weights: of load IAE, setpoint IAE, load ITAE and TN/K, shape (p, 4).
         gain: K [%/°C].
         tn: TN [s].
@@ -325,7 +329,7 @@ def price(
     """
     total = least_price(heaters, weights, gain, tn)
     for p in range(len(heaters)):
-        heater = (heaters[p, 0], heaters[p, 1], heaters[p, 2], heaters[p, 3])
+        heater = (heaters[p, 0], heaters[p, 1], heaters[p, 2], heaters[p, 3], heaters[p, 4])
         load, setpoint, late = 2.0 * weights[p, 0], 2.0 * weights[p, 1], 2.0 * weights[p, 2]
         if load > 0.0 or late > 0.0:
             area, moment = oscillation(heater, (gain, tn, tv), 0.0, 1.0, finer, (load, late, best - total), queue)

@@ -229,7 +229,7 @@ class ContinuousProblem:
 
     @property
     def heaters(self) -> Array:
-        """Gain [°C/%], larger and smaller lag (0: none), dead time [s] of each model, shape (p, 4)."""
+        """A row of each model, see `continuous_loop.Heater`, shape (p, 5)."""
         return np.array([_row(plant) for plant in self.plants])
 
     @property
@@ -395,7 +395,7 @@ def _pace(plant: HeaterModel, structure: str, mks: float) -> float:
 
 
 def _row(plant: HeaterModel) -> tuple[float, ...]:
-    return plant.gain_degC_per_pct, *(*plant.lags_s, 0.0)[:2], plant.dead_time_s
+    return plant.gain_degC_per_pct, *(*plant.lags_s, 0.0)[:2], plant.dead_time_s, plant.fast_share or 0.0
 
 
 def _settings(design: PidDesign) -> tuple[float, float, float]:
@@ -438,7 +438,7 @@ def _price(heaters: Array, weights: Array, design: PidDesign, finer: float) -> f
 
 def _pieces(omega: Array, plant: Complex, tn: float, tv: float, limits: Four) -> tuple[Array, Array]:
     """Return bottoms and tops of the feasible pieces of K, the highest first."""
-    space = continuous.space_for(len(omega), np.empty((0, 4)), 1.0)
+    space = continuous.space_for(len(omega), np.empty((0, 5)), 1.0)
     count = compile_function(continuous.pieces, calls=True)(omega, plant, tn, tv, limits, space)
     bottoms, tops = space.ends[:, :count][:, ::-1]
     return bottoms, tops

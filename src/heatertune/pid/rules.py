@@ -17,8 +17,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final
 
+import numpy as np
+
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.model.model_values import FittedModel, HeaterModel, TwoLag
+from heatertune.model.reduction import ultimate_period_s
 from heatertune.pid.design_values import Settings, series_to_ideal
 from heatertune.units import check
 
@@ -280,6 +283,9 @@ def ultimate_cycle(model: HeaterModel) -> tuple[float, float]:
     dead = model.dead_time_s
     if dead <= 0.0:
         raise OutOfRange("dead_time_s", dead, "> 0: without dead time no P gain makes the loop swing for ever")
+    if model.fast_share is not None:  # with a zero the phase does not bend down everywhere
+        omega = 2.0 * math.pi / ultimate_period_s(model)
+        return 1.0 / abs(complex(model.frequency_response(np.array([omega]))[0])), 2.0 * math.pi / omega
 
     def lacking(angle: float) -> float:
         return angle + sum(math.atan(angle * lag / dead) for lag in model.lags_s) - math.pi
@@ -453,7 +459,7 @@ def _haalman_pid(model: HeaterModel, wanted_s: float | None) -> Settings:  # noq
 
 
 def _two_lags(model: HeaterModel, rule: str) -> TwoLag:
-    if isinstance(model, TwoLag):
+    if isinstance(model, TwoLag) and model.fast_share is None:
         return model
     raise InputError(f"{rule} gives PID settings only for a second lag; use --structure pi, or another --method")
 
@@ -555,7 +561,8 @@ def model_for(method: str, structure: str, fitted: FittedModel) -> HeaterModel:
         UnknownName: no such rule.
     """
     if structure in _rule(method).two_lags:
-        return next((plant for plant in fitted.plants if isinstance(plant, TwoLag)), fitted.model)
+        return next((plant for plant in fitted.plants if isinstance(plant, TwoLag) and plant.fast_share is None),
+                    fitted.model)
     return next((plant for plant in fitted.plants if plant.half_rule() == fitted.model), fitted.model)
 
 

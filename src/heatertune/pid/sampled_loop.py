@@ -133,7 +133,8 @@ def _modes(model: HeaterModel) -> tuple[Array, Array]:
     if not isinstance(model, TwoLag):
         return np.array([model.time_constant_s]), np.ones(1)
     first, second = apart(*model.lags_s)
-    return np.array([first, second]), np.array([first, -second]) / (first - second)
+    zero = (model.fast_share or 0.0) * first
+    return np.array([first, second]), np.array([first - zero, -(second - zero)]) / (first - second)
 
 
 #: an array in the compiled loop, a list in plain Python

@@ -100,7 +100,8 @@ class Specs:
 
 def is_boundless(plant: HeaterModel, structure: str) -> bool:
     """Return whether Ms leaves the gain without bound: the phase never reaches −180°."""
-    return plant.dead_time_s == 0.0 and (structure == "pid" or not isinstance(plant, TwoLag))
+    two_lags = isinstance(plant, TwoLag) and plant.fast_share is None
+    return plant.dead_time_s == 0.0 and (structure == "pid" or not two_lags)
 
 
 def refuse_boundless(plants: Sequence[HeaterModel], structure: str, mks: float) -> None:

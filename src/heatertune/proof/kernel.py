@@ -255,8 +255,8 @@ class LoopBatch(NamedTuple):
     """Many loops of one controller: what differs between them, one row for each; see `run` for the meaning.
 
     Of a plant gain, lags, dead time and ambient of `Plant` and the temperature at the start; of one with a loss curve,
-    the numbers of `Loss` too, and the longest time for a tangent. One row of noise or delays may serve all, and one
-    number of `cooling`, by which the cooler's power is multiplied.
+    the numbers of `Loss` too, the longest time for a tangent and the fast share of `LossPlant`. One row of noise or
+    delays may serve all, and one number of `cooling`, by which the cooler's power is multiplied.
     """
 
     scans: int

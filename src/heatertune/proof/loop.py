@@ -235,7 +235,7 @@ def trace_run(
     edges = np.empty(ring_size(pulses))
     stretches = pulses + batch.event_time.size
     if have_loss(plant):  # each scan and each tangent begins one more
-        stretches += 2 + scans + math.ceil(float(time[-1]) / plant[0, -1])
+        stretches += 2 + scans + math.ceil(float(time[-1]) / plant[0, -2])
     record = TraceArrays(
         True, np.empty(scans), np.empty(scans), np.empty(scans), np.empty(scans), np.zeros(scans, dtype=np.int64),
         *(np.empty(stretches) for _ in range(4)),
@@ -349,15 +349,19 @@ def plant_row(model: HeaterModel, scenario: Scenario) -> list[float]:
 
 
 def plant_rows(models: Sequence[HeaterModel], scenario: Scenario) -> Array:
-    """Return heaters in a scenario as `LoopBatch.plants`, shape (n, 6), or (n, 12) where one has a loss curve."""
+    """Return heaters in a scenario as `LoopBatch.plants`, shape (n, 6).
+
+    It is (n, 13) where one has a loss curve or two time scales; the last number is the share that passes the slow mass.
+    """
     rows = [plant_row(model, scenario) for model in models]
-    if any(model.loss is not None for model in models):
-        rows = [[*row, *loss_numbers(model, row[4])] for row, model in zip(rows, models, strict=True)]
+    if any(model.loss is not None or model.fast_share is not None for model in models):
+        rows = [[*row, *loss_numbers(model, row[4]), model.fast_share or 0.0]
+                for row, model in zip(rows, models, strict=True)]
     return np.array(rows)
 
 
 def have_loss(plants: Array) -> bool:
-    """Return whether rows, shape (n, 6) or (n, 12), are those of heaters with a loss curve."""
+    """Return whether rows, shape (n, 6) or (n, 13), are those of heaters with a loss curve or two time scales."""
     return len(plants[0]) > _LINEAR  # a virtual PLC has them as lists
 
 

@@ -81,6 +81,10 @@ class LossPlant(NamedTuple):
     With one lag, the tangent has the mass alone. `until` is the instant at which the next one is due [s]; what follows
     is the heater itself: gain [°C/%], lag of the mass and of the sensor (0: none) [s], room [°C], loss, and the longest
     time for which a tangent is taken [s].
+
+    Of a heater of two time scales, `fast` is the share of the power's effect that passes the mass, `led` where the
+    power leads [°C]. The sensor follows fast·led + (1 − fast)·mass. x is that sum: under constant power x and y move as
+    those of any two lags, and where the power changes x jumps by the share of the change.
     """
 
     gain: float
@@ -99,6 +103,8 @@ class LossPlant(NamedTuple):
     room: float
     loss: Loss
     step: float
+    fast: float
+    led: float
 
 
 #: kind of an event of a heater with a loss curve: its tangent is taken again
@@ -114,8 +120,8 @@ def loss_plant(row: Any) -> LossPlant:
     """Return the heater with a loss curve of a row of `LoopBatch.plants`, at its start."""
     loss = Loss(row[6], row[7], row[8], row[9], row[10])
     bare = LossPlant(row[0], row[1], row[2], row[3], row[4], 0.0, 0.0, 0.0, 0.0, 0.0, row[0], row[1], row[2], row[4],
-                     loss, row[11])
-    return _tangent_of(bare, row[5], 0.0)
+                     loss, row[11], row[12], row[5])
+    return _tangent_of(bare, row[5], 0.0, row[5])
 
 
 def is_linear(_plant: Any) -> bool:
@@ -135,19 +141,21 @@ def unchanged(plant: Any, flow: Flow) -> tuple[Any, Flow]:
 
 def tangent(plant: LossPlant, flow: Flow) -> tuple[LossPlant, Flow]:
     """Return the heater's tangent at its temperature, and where the power leads on that."""
-    here = _tangent_of(plant, flow.x if plant.sensor > 0.0 else flow.y, flow.now)
     power = (flow.heat * flow.mains if flow.heat > 0.0 else flow.heat) + flow.load
-    return here, Flow(flow.now, flow.y, flow.x, here.ambient + here.gain * power, flow.heat, flow.load, flow.mains)
+    led = plant.room + plant.base_gain * power if plant.fast > 0.0 else plant.led
+    here = _tangent_of(plant, flow.x if plant.sensor > 0.0 else flow.y, flow.now, led)
+    x = flow.x + plant.fast * (led - plant.led)
+    return here, Flow(flow.now, flow.y, x, here.ambient + here.gain * power, flow.heat, flow.load, flow.mains)
 
 
-def _tangent_of(plant: LossPlant, degC: float, now: float) -> LossPlant:
+def _tangent_of(plant: LossPlant, degC: float, now: float, led: float) -> LossPlant:
     line = tangent_at(degC, plant.base_gain, plant.mass, plant.room, plant.loss)
     first, second = (plant.sensor, line.lag) if plant.sensor > 0.0 else (line.lag, 0.0)
     by_first, by_second = 1.0 / first, 1.0 / second if second > 0.0 else 0.0
     apart = -abs(by_first - by_second) if second > 0.0 else 0.0
     return LossPlant(line.gain, first, second, plant.dead, line.ambient, by_first, by_second, apart,
                      1.0 / apart if apart != 0.0 else 0.0, now + plant.step, plant.base_gain, plant.mass, plant.sensor,
-                     plant.room, plant.loss, plant.step)
+                     plant.room, plant.loss, plant.step, plant.fast, led)
 
 
 def factors(t: float, plant: Plant) -> Factors:

@@ -140,7 +140,7 @@ class Trace(NotebookDisplay):
         """Return the lags: of the temperature, and before it; of a loss curve, those of stretches that begin there."""
         first, *rest = self.model.lags_s
         if self._loss is None:
-            return first, rest[0] if rest else 0.0
+            return (first, rest[0] if rest else 0.0) if self.model.fast_share is None else (rest[0], first)
         room, loss = self._loss
         slopes = np.vectorize(lambda degC: loss_at(degC, room, loss)[1], otypes=[float])(x if rest else y)
         mass = first / slopes

@@ -431,6 +431,8 @@ def _candidates(model: Document) -> str:
     for c in model.get("candidates", ()):
         second = c.get("second_time_constant_s")
         lags = figure(c["time_constant_s"]) + (f" + {figure(second)}" if second else "")
+        share = c.get("fast_share")
+        lags += "" if share is None else f", {100.0 * share:.0f} % past the first"
         rows.append([c["log"], c["law"], figure(c["gain_degC_per_pct"]), lags, figure(c["dead_time_s"]),
                      figure(c["ambient_degC"]), figure(c["fit_pct"]), figure(c["delta_bic"], 3),
                      *(_reduced(c.get(name)) for name in ("half_rule", "matched"))])

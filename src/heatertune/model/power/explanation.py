@@ -31,6 +31,7 @@ from heatertune.model.power.loss_fit import LossFit
 from heatertune.model.power.nonlinear import Bend, judged_linear
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
 from heatertune.model.power.regressors import Readings
+from heatertune.model.power.two_scales_fit import TwoScaleFit
 
 __all__ = [
     "MOST", "CleanedFit", "Explanation", "Segments", "alias_of", "alias_remarks", "clean_log", "explain_log", "gaps",
@@ -438,7 +439,7 @@ class Explanation:
         alias: about power that switches faster than it was logged, or empty.
         bend: nonlinear heater that explains the log better than a linear one, or None.
         doubt: about the power as the cause of the temperature, or empty.
-        losses: heaters with a loss curve that explain the log, the best first.
+        extended: heaters with a loss curve, or of two time scales, that explain the log, the best first.
     """
 
     log: Log
@@ -451,7 +452,7 @@ class Explanation:
     alias: str
     bend: Bend | None = None
     doubt: str = ""
-    losses: tuple[LossFit, ...] = ()
+    extended: tuple[LossFit | TwoScaleFit, ...] = ()
 
     @property
     def model(self) -> Fopdt:
@@ -512,7 +513,7 @@ def _search(log: Log, problem: PowerProblem, *, believed: bool) -> Explanation:
         doubt = ""
     if doubt:
         refuse_changed(log, thin)
-    (problems, fits), bend, untold, losses = judged_linear(without_events(way), way)
+    (problems, fits), bend, untold, extended = judged_linear(without_events(way), way)
     if any(fit.model is None for fit in fits):
         refuse_opened(log, thin)
         refuse_changed(log, thin)
@@ -521,7 +522,7 @@ def _search(log: Log, problem: PowerProblem, *, believed: bool) -> Explanation:
     return Explanation(
         log=log, readings=clean.whole.readings, problems=problems, fits=fits, clean_temperature=clean.readings_degC,
         outliers=clean.outliers, notes=(*notes, *untold), alias=alias, bend=bend, doubt=doubt,
-        losses=losses if not (alias or doubt) else (),
+        extended=extended if not (alias or doubt) else (),
     )
 
 

@@ -70,7 +70,7 @@ from heatertune.model.statistics import PERIOD, RATIO, Interval, autocorrelation
 from heatertune.units import NOMENCLATURE
 
 __all__ = [
-    "Contributions", "contributions_of", "fit_power", "fit_with_loss",
+    "Contributions", "contributions_of", "fit_extended", "fit_power",
     "halves_notes", "interval_widening", "limit_notes",
     "log_notes", "longest_hold_s", "notes_of", "outcome_of", "rival_notes", "said_by_halves", "share_remarks",
     "values_at_ends", "values_of", "weigh_fit", "widening_notes",
@@ -542,30 +542,29 @@ def fit_power(explanation: Explanation, weight: WeighedFit, *, least_dead_time_s
     )
 
 
-def fit_with_loss(explanation: Explanation) -> FittedModel:
-    """Return the heater with a loss curve that explains a log, and the plausible ones beside it.
+def fit_extended(explanation: Explanation) -> FittedModel:
+    """Return the heater with a loss curve, or of two time scales, that explains a log, and the other plausible ones.
 
     Args:
-        explanation: of the log, with loss curves.
+        explanation: of the log, with such heaters.
     """
-    log, record = explanation.log, explanation.losses[0].problem.readings.temperature_degC
-    best = explanation.losses[0]
+    log, record = explanation.log, explanation.extended[0].problem.readings.temperature_degC
+    best = explanation.extended[0]
     candidates = tuple(
         Candidate(
             model=end.model, log=log.name, window_s=(float(log.time_s[0]), float(log.time_s[-1])), law=fit.law,
             fit_pct=fit_pct(record, fit.simulated_degC),
             rmse_degC=float(np.sqrt(np.mean((record - fit.simulated_degC) ** 2))), delta_bic=fit.bic - best.bic,
             part=end.part)
-        for fit in explanation.losses for end in fit.heaters)
+        for fit in explanation.extended for end in fit.heaters)
     least_s = math.exp(best.problem.low[0])
     checks = [*alias_remarks(explanation.alias), *fast_remarks(least_s, best.model.lags_s[0], log.name)]
     simulated = np.interp(log.time_s, best.problem.readings.time_s, best.simulated_degC)
     return FittedModel(
         outcome=FitOutcome.IDENTIFIED,
-        method="simulation with the logged power and a loss curve; intervals: normal equations with the "
-        "autocorrelation of the residuals",
+        method=f"{best.method}; intervals: normal equations with the autocorrelation of the residuals",
         candidates=candidates, fit_pct=candidates[0].fit_pct,
-        notes=(*explanation.notes, *(fit.sentence for fit in explanation.losses),
+        notes=(*explanation.notes, *(fit.sentence for fit in explanation.extended),
                *(remark.sentence for remark in checks)),
         findings=findings_of(checks),
         residuals=Residuals(

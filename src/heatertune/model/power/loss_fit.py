@@ -32,10 +32,10 @@ from heatertune.model.loss_curve import LossFopdt, LossTwoLag, heater_with_loss,
 from heatertune.model.model_values import HeaterModel
 from heatertune.model.outliers import sensor_step
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
-from heatertune.model.power.regressors import AMBIENT, GAIN
+from heatertune.model.power.regressors import AMBIENT, GAIN, Readings
 from heatertune.model.statistics import Interval, ar1_bic, student_t
 
-__all__ = ["LossEnd", "LossFit", "fit_loss_curves", "held_levels"]
+__all__ = ["LossEnd", "LossFit", "fit_loss_curves", "held_levels", "leaves_noise"]
 
 #: ln gain, room, first temperature, that of the mass above it, ln lag, dead time, ln sensor's lag, shape
 _GAIN, _ROOM, _START, _INNER, _LAG, _DEAD, _SENSOR, _SHAPE = range(8)
@@ -70,7 +70,7 @@ _FAMILIES: Final = (_Family(True, 0.0, 1.0, (0.3, 0.8)), _Family(False, 1.0, 2.0
 
 
 class LossEnd(NamedTuple):
-    """A plausible heater with a loss curve, and the end of an interval that it represents; empty: the fit."""
+    """A plausible heater beyond one lag and two, and the end of an interval that it represents; empty: the fit."""
 
     model: HeaterModel
     part: str
@@ -97,6 +97,8 @@ class LossFit:
     simulated_degC: Array
     bic: float
     problem: PowerProblem
+
+    method = "simulation with the logged power and a loss curve"
 
     @property
     def model(self) -> HeaterModel:
@@ -168,7 +170,9 @@ def fit_loss_curves(problems: Sequence[PowerProblem], fits: Sequence[PowerFit], 
                 found.append(fit)
     found.sort(key=lambda fit: fit.bic)
     kept = [fit for fit in found if fit.bic < found[0].bic + _NEAR]
-    return kept if kept and all(map(_is_known, kept)) and _leaves_noise(kept[0]) else []
+    if not kept or not all(map(_is_known, kept)):
+        return []
+    return kept if leaves_noise(kept[0].problem.readings, kept[0].simulated_degC) else []
 
 
 def _shortest_hold(problem: PowerProblem) -> float:
@@ -419,14 +423,19 @@ def _is_known(fit: LossFit) -> bool:
         heater_with_loss(end.model, fit.levels_degC[-1]).gain_degC_per_pct > 0.0 for end in fit.heaters)
 
 
-def _leaves_noise(fit: LossFit) -> bool:
-    """Return whether a fit leaves no more than the noise between neighbours, in the whole log and in each hold."""
-    readings = fit.problem.readings
-    left = readings.temperature_degC - fit.simulated_degC
+def leaves_noise(readings: Readings, simulated_degC: Array, most: float = _NOISE) -> bool:
+    """Return whether a fit leaves little more than the noise between neighbours, in the whole log and in each hold.
+
+    Args:
+        readings: that were fitted, n of them.
+        simulated_degC: the fit, shape (n,).
+        most: times the noise, in the whole log; in a hold half as much again.
+    """
+    left = readings.temperature_degC - simulated_degC
     step = sensor_step(readings.temperature_degC) or 0.0
     noise = max(float(np.sqrt(np.mean(np.diff(left, 2) ** 2) / 6.0)), step / math.sqrt(12.0))
-    if float(np.sqrt(np.mean(left**2))) > _NOISE * noise:
+    if float(np.sqrt(np.mean(left**2))) > most * noise:
         return False
     ends = [readings.time_s[0], *readings.edge_s[1:], readings.time_s[-1]]
     parts = [left[(readings.time_s >= begin) & (readings.time_s <= end)] for begin, end in pairwise(ends)]
-    return all(float(np.sqrt(np.mean(part**2))) <= 1.5 * _NOISE * noise for part in parts if len(part) >= 20)
+    return all(float(np.sqrt(np.mean(part**2))) <= 1.5 * most * noise for part in parts if len(part) >= 20)

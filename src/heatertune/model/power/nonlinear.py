@@ -34,6 +34,7 @@ from heatertune.model.power.load_steps import Way, bic_of, coincides, left_over,
 from heatertune.model.power.loss_fit import LossFit, fit_loss_curves
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
 from heatertune.model.power.regressors import AMBIENT, DRIFT, FIRST_STATE, GAIN, SECOND_STATE
+from heatertune.model.power.two_scales_fit import TwoScaleFit, fit_two_scales
 from heatertune.model.statistics import ar1_bic
 
 __all__ = [
@@ -331,12 +332,15 @@ class Bend(NamedTuple):
 
 
 class LinearityResult(NamedTuple):
-    """The linear explanation, the nonlinear one that explains the log better, if any, doubts, and loss curves."""
+    """The explanation by one lag and two, the nonlinear one that explains the log better, if any, and doubts.
+
+    `extended`: heaters with a loss curve, or of two time scales, that explain it better than all of these.
+    """
 
     way: Way
     bend: Bend | None = None
     notes: tuple[str, ...] = ()
-    losses: tuple[LossFit, ...] = ()
+    extended: tuple[LossFit | TwoScaleFit, ...] = ()
 
 
 def bend_remarks(bend: Bend | None) -> tuple[Remark, ...]:
@@ -356,10 +360,11 @@ def judged_linear(plain: Way, eventful: Way) -> LinearityResult:
     tried = [(bend, way) for way in _without_loads(plain, eventful) for bend in _bends(way)]
     bend, way = min(tried, key=lambda pair: pair[0].bic, default=(None, eventful))
     others = [eventful.bic, *(each.bic for each, _ in tried)]
-    losses = tuple(fit_loss_curves(plain.problems, plain.fits, min(others)))
+    found: list[LossFit | TwoScaleFit] = [*fit_loss_curves(plain.problems, plain.fits, min(others))]
+    extended = tuple(found or fit_two_scales(plain.problems[0], min(others)))
     if bend is None or not _is_better(bend, eventful):
-        return LinearityResult(eventful, None, _untold(eventful), losses)
-    return LinearityResult(way, bend, (), losses)
+        return LinearityResult(eventful, None, _untold(eventful), extended)
+    return LinearityResult(way, bend, (), extended)
 
 
 def _is_better(bend: Bend, eventful: Way) -> bool:

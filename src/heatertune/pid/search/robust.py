@@ -19,6 +19,7 @@ import numpy as np
 from heatertune.errors import InputError
 from heatertune.model.model_values import FittedModel, Fopdt, HeaterModel, TwoLag
 from heatertune.model.statistics import RATIO, Interval
+from heatertune.model.two_scales import TwoScale
 from heatertune.pid.design_values import PidDesign, Promise
 from heatertune.pid.sampled_loop import noise_gain, sensitivity_peaks
 from heatertune.pid.specs import Specs
@@ -151,6 +152,8 @@ def _spread(interval: Interval | None) -> float:
 def _scaled(plant: HeaterModel, gain: float, lag: float, dead_s: float) -> HeaterModel:
     scaled = {"gain_degC_per_pct": gain * plant.gain_degC_per_pct, "time_constant_s": lag * plant.time_constant_s,
              "dead_time_s": dead_s}
+    if isinstance(plant, TwoScale):
+        return plant.scaled(gain, lag, dead_s)
     if isinstance(plant, TwoLag):
         return TwoLag(**scaled, second_time_constant_s=lag * plant.second_time_constant_s)
     return Fopdt(**scaled)

@@ -450,6 +450,8 @@ def _heater(row: Array, centre: HeaterModel) -> HeaterModel:
         lags = {"second_time_constant_s": second} if second else {}
         return replace(centre, gain_degC_per_pct=gain, time_constant_s=first, dead_time_s=dead, **lags)
     known = {"gain_degC_per_pct": gain, "time_constant_s": first, "dead_time_s": dead, "ambient_degC": ambient}
+    if centre.fast_share is not None:
+        return replace(centre, **known, second_time_constant_s=second)
     return TwoLag(**known, second_time_constant_s=second) if second else Fopdt(**known)
 
 
