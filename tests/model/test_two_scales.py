@@ -133,7 +133,7 @@ def test_a_log_of_two_time_scales_gives_both(seed, tmp_path):
     model, slow_s = fitted.candidates[0].model, case.heater.slowest
     gain = -float(np.linalg.solve(case.heater.a, case.heater.b)[-1])
     assert isinstance(model, TwoScale)
-    assert not fitted.findings
+    assert {finding.name for finding in fitted.findings} <= {"shared-mass"}
     assert model.gain_degC_per_pct == pytest.approx(gain, rel=0.03)
     assert model.time_constant_s == pytest.approx(slow_s, rel=0.06)
     # fast lag, sensor and dead time add up to the same delay

@@ -84,7 +84,7 @@ def test_what_each_part_may_take_stays_the_same_and_it_comes_at_other_phases():
         legs = [event.time_s for event in state.disturbances if isinstance(event, SetpointRampEvent)]
         assert [*(end - begin for begin, end in pairwise(legs)), state.duration_s - legs[-1]] == pytest.approx([300.0, 200.0])
         phases |= {round(event.time_s % 1.0, 3) for event in state.disturbances}
-    assert len(phases) > 30
+    assert len(phases) > 15  # four states of six events
 
 
 def test_the_first_state_has_its_events_just_after_a_scan():

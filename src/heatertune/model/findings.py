@@ -146,6 +146,10 @@ KINDS: Final[dict[str, FindingKind]] = {
         "blocks", "other heaters were moving",
         "log them together and design them as zones (heatertune design LOG --zones NAMES), or log this heater again "
         "with the others at rest", by_case=True),
+    "shared-mass": FindingKind(
+        "blocks", "most of the heat goes through a slow mass, which other heaters may heat too",
+        "log all heaters together and design them as zones (heatertune design LOG --zones NAMES), or state that no "
+        "other heater heats it (--accept shared-mass)"),
     "unit-assumed": FindingKind(
         "blocks", "a unit is assumed for which the log has no evidence",
         "check and state it (--time-unit, --temperature-unit, --power-full-scale; heatertune read shows which)"),

@@ -56,6 +56,7 @@ from heatertune.model.power.load_steps import bic_of, edges_of
 from heatertune.model.power.nonlinear import Bend, bend_remarks
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
 from heatertune.model.power.regressors import COLUMNS, DRIFT, GAIN
+from heatertune.model.power.two_scales_fit import TwoScaleFit
 from heatertune.model.power.uncertainty import (
     READINGS,
     ParameterNoise,
@@ -558,7 +559,11 @@ def fit_extended(explanation: Explanation) -> FittedModel:
             part=end.part)
         for fit in explanation.extended for end in fit.heaters)
     least_s = math.exp(best.problem.low[0])
-    checks = [*alias_remarks(explanation.alias), *fast_remarks(least_s, best.model.lags_s[0], log.name)]
+    shared = [fit for fit in explanation.extended if isinstance(fit, TwoScaleFit) and fit.is_mostly_shared]
+    checks = [*alias_remarks(explanation.alias), *fast_remarks(least_s, best.model.lags_s[0], log.name),
+              *(Remark("shared-mass", (
+                  f"{log.name}: {100.0 * (1.0 - fit.own_share):.0f} % of the rise come through a slow mass; if other "
+                  "heaters heat it too, loops that pass one by one may swing together.")) for fit in shared)]
     simulated = np.interp(log.time_s, best.problem.readings.time_s, best.simulated_degC)
     return FittedModel(
         outcome=FitOutcome.IDENTIFIED,

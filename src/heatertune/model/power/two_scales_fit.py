@@ -40,6 +40,7 @@ _STARTS: Final = 4
 _NEAR: Final = 10.0  # BIC points
 _APART: Final = 4.0  # the slow lag by the fast one, at least: two lags or one serve where it is less
 _LEAST_SHARE: Final = 0.02  # of the gain, that each lag has
+_OWN: Final = 0.5  # of the rise; less may be a neighbour's
 _NOISE: Final = 2.0  # times the noise between neighbours, that the fit may leave: a sensor's own lag is not fitted
 _SLOW_KNOWN: Final = 0.7  # half the interval of ln slow lag, at most
 _RISE_KNOWN: Final = 0.4  # likewise of ln of the rise after a step
@@ -72,11 +73,25 @@ class TwoScaleFit:
         return model
 
     @property
+    def own_share(self) -> float:
+        """Share of the rise that comes with the fast lag."""
+        fast, slow = self.model.second_time_constant_s, self.model.time_constant_s
+        return (self.model.fast_share * slow - fast) / (slow - fast)
+
+    @property
+    def is_mostly_shared(self) -> bool:
+        """Whether most of the rise is that of the slow mass, as of zones that exchange much heat.
+
+        A log of one zone shows no difference. Three equal zones with 1.2 °C/% that exchange four times what each loses
+        pass one by one with Ms 1.6, and swing together.
+        """
+        return self.own_share < _OWN
+
+    @property
     def sentence(self) -> str:
         """What was found."""
-        model = self.model
+        model, share = self.model, self.own_share
         fast, slow = model.second_time_constant_s, model.time_constant_s
-        share = (model.fast_share * slow - fast) / (slow - fast)
         return (f"The heater has two time scales: {100.0 * share:.0f} % of its rise come within {fast:.3g} s, the rest "
                 f"within {slow:.3g} s (two lags and a zero); the gain is {model.gain_degC_per_pct:.3g} °C/%. One lag "
                 "next to them has the same gain and rises alike shortly after a step.")
