@@ -148,8 +148,7 @@ KINDS: Final[dict[str, FindingKind]] = {
         "with the others at rest", by_case=True),
     "shared-mass": FindingKind(
         "blocks", "most of the heat goes through a slow mass, which other heaters may heat too",
-        "log all heaters together and design them as zones (heatertune design LOG --zones NAMES), or state that no "
-        "other heater heats it (--accept shared-mass)"),
+        "log all heaters together and design them as zones (heatertune design LOG --zones NAMES)"),
     "unit-assumed": FindingKind(
         "blocks", "a unit is assumed for which the log has no evidence",
         "check and state it (--time-unit, --temperature-unit, --power-full-scale; heatertune read shows which)"),
