@@ -409,4 +409,4 @@ def test_the_restarts_come_one_after_the_other_each_with_its_way_back():
     assert [each.time_s for each in night.scenario.disturbances] == [505.0, 525.0, 7680.0, 7710.0]
     assert [each.on for each in night.scenario.disturbances] == [False, True, False, True]
     assert night.scenario.rests_s == (5.0, 0.0, 5.0, 0.0, 5.0)
-    assert night.summary == "Where the PLC is restarted after 0.33 to 0.5 min without supply"
+    assert night.summary == "Where the controller is restarted after 0.33 to 0.5 min without supply"

@@ -41,7 +41,9 @@ _NEAR: Final = 10.0  # BIC points
 _APART: Final = 4.0  # the slow lag by the fast one, at least: two lags or one serve where it is less
 _LEAST_SHARE: Final = 0.02  # of the gain, that each lag has
 _OWN: Final = 0.5  # of the rise; less may be a neighbour's
-_NOISE: Final = 2.0  # times the noise between neighbours, that the fit may leave: a sensor's own lag is not fitted
+_NOISE: Final = 1.3  # times the noise between neighbours, that the fit may leave, as of a loss curve
+_NOISE_FAR: Final = 2.0  # the same where the lags are far apart: a sensor's own lag, which is not fitted, is seen there
+_FAR: Final = 10.0  # the slow lag by the fast one
 _SLOW_KNOWN: Final = 0.7  # half the interval of ln slow lag, at most
 _RISE_KNOWN: Final = 0.4  # likewise of ln of the rise after a step
 
@@ -135,8 +137,9 @@ def _bounds(problem: PowerProblem) -> tuple[Array, Array]:
 def _is_inside(problem: PowerProblem, solution: _LagSolution) -> bool:
     """Return whether a fit leaves little more than noise, its slow lag not at its end and the lags far apart."""
     vector, (_, high) = solution.vector, _bounds(problem)
+    noise = _NOISE_FAR if vector[_SLOW] - vector[_FAST] > math.log(_FAR) else _NOISE
     on_bound = vector[_SLOW] >= high[_SLOW] - 1e-2 or vector[_SLOW] - vector[_FAST] <= math.log(_APART)
-    return not on_bound and leaves_noise(problem.readings, solution.simulated_degC, _NOISE)
+    return not on_bound and leaves_noise(problem.readings, solution.simulated_degC, noise)
 
 
 def _solve(problem: PowerProblem) -> _LagSolution:
