@@ -57,7 +57,7 @@ def test_a_limit_that_is_kept_on_whole_scans_alone_is_broken(monkeypatch):
     worst = next(each for each in proof.criteria if each.name == "recovery_overshoot")
     assert max(others) > 9.5
     assert worst.value == pytest.approx(max(others), rel=1e-3)
-    remark = f"{STATES} other initial states: {100.0 * worst.value / 9.5:.3g} % of a limit is used, 97.9 % before"
+    remark = f"{STATES} other initial states: {100.0 * worst.value / 9.5:.4g} % of a limit is used, 97.88 % before"
     assert remark in proof.diagnostics.remarks
 
 

@@ -17,10 +17,13 @@ import numpy as np
 from heatertune.proof.criteria import Criterion, worst_of
 from heatertune.proof.scenario import Scenario, SetpointRampEvent
 
-__all__ = ["CLOSE", "STATES", "near_limit", "nearest_to_limits", "other_states", "worst_state"]
+__all__ = ["CLOSE", "SAME", "STATES", "near_limit", "nearest_to_limits", "other_states", "worst_state"]
 
 
 CLOSE: Final = 0.95
+#: of a limit, which another state may use without breaking it; it is told. The search leads parameters up to a limit,
+#: and an independent judge takes so much for the same
+SAME: Final = 1.02
 #: of a limit, per step of scan and PWM as a share of the dead time: an event is noticed so much later at most. On drawn
 #: designs another phase raised the use of a limit above 0.6 by up to 14 % of it where that share was 0.25, and by 0.2 %
 #: where it was 0.06; a share of a limit of two hundredths is within what an independent judge takes for the same

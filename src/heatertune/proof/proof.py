@@ -27,7 +27,15 @@ from heatertune.plc.words import Words
 from heatertune.proof.acceptance import Acceptance, Coverage, Interlock, Run
 from heatertune.proof.criteria import Criterion, LoopLimits, band_of, criteria_of_words, worst_of
 from heatertune.proof.heaters import MainsScenario, mains_label
-from heatertune.proof.initial_states import CLOSE, STATES, near_limit, nearest_to_limits, other_states, worst_state
+from heatertune.proof.initial_states import (
+    CLOSE,
+    SAME,
+    STATES,
+    near_limit,
+    nearest_to_limits,
+    other_states,
+    worst_state,
+)
 from heatertune.proof.long_outage import (
     JUDGED,
     LOADED,
@@ -451,10 +459,11 @@ def _with_other_states(
                                   for state in other_states(part.scenario, part.loops[0].scan_s, part.step_s)])
         if max(one.strain for one in worst) <= CLOSE:  # no verdict hangs on it
             continue
-        results[run] = _ran(results[run], worst)
+        if not 1.0 < max(one.strain for one in worst) <= SAME:
+            results[run] = _ran(results[run], worst)
         before, after = (max(most, *(one.strain for one in criteria)) for most, criteria in (
             (before, ran), (after, worst)))
-    return [f"{STATES} other initial states: {100.0 * after:.3g} % of a limit is used, {100.0 * before:.3g} % before"
+    return [f"{STATES} other initial states: {100.0 * after:.4g} % of a limit is used, {100.0 * before:.4g} % before"
             ] if after > before else []
 
 

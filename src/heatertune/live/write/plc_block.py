@@ -146,11 +146,13 @@ class BlockImage:
         """
         signal = self.block.words[name]
         stands, one, other = (signal.stored(each) for each in (value, before, after))
-        if stands in (one, other):
+        if stands in (one, other) or value in (before, after):
             return False
         cuts = range(1, signal.size)
         mixtures = (first[:cut] + last[cut:] for first, last in ((one, other), (other, one)) for cut in cuts)
-        return any(stands in (each, signal.stored(signal.number(each))) for each in mixtures)  # of many NaN, one stays
+        # of many NaN one stays, and of both zeros
+        return any(stands == each or stands == signal.stored(read := signal.number(each)) or value == read
+                   for each in mixtures)
 
     def parts(self, content: bytes, values: Mapping[str, Number]) -> list[WritePart]:
         """Return what is to be written so that words stand there: those that differ, neighbours together.
