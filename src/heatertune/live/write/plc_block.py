@@ -149,10 +149,9 @@ class BlockImage:
         if stands in (one, other) or value in (before, after):
             return False
         cuts = range(1, signal.size)
-        mixtures = (first[:cut] + last[cut:] for first, last in ((one, other), (other, one)) for cut in cuts)
-        # of many NaN one stays, and of both zeros
-        return any(stands == each or stands == signal.stored(read := signal.number(each)) or value == read
-                   for each in mixtures)
+        mixtures = [first[:cut] + last[cut:] for first, last in ((one, other), (other, one)) for cut in cuts]
+        read = [*map(signal.number, mixtures)]
+        return value in read or stands in (*mixtures, *map(signal.stored, read))  # of many NaN one stays, and of zeros
 
     def parts(self, content: bytes, values: Mapping[str, Number]) -> list[WritePart]:
         """Return what is to be written so that words stand there: those that differ, neighbours together.
