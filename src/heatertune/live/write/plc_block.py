@@ -146,7 +146,7 @@ class BlockImage:
         """
         signal = self.block.words[name]
         stands, one, other = (signal.stored(each) for each in (value, before, after))
-        if stands in (one, other) or value in (before, after):
+        if stands in (one, other):
             return False
         cuts = range(1, signal.size)
         mixtures = [first[:cut] + last[cut:] for first, last in ((one, other), (other, one)) for cut in cuts]
