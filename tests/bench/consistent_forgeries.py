@@ -22,7 +22,7 @@ from pathlib import Path
 
 from heatertune.live.write import plc_block
 from tests.bench import sessions
-from tests.bench.forgeries import PARTS, SCHEMA, leaks, quietly, sha256, with_words_of_the_design
+from tests.bench.forgeries import PARTS, SCHEMA, leaks, quietly, report, sha256, with_words_of_the_design
 from tests.conftest import fan_log, heater_log
 from tests.live.conftest import hasty_clock
 from tests.live.test_trust import documents
@@ -303,8 +303,7 @@ def main(kind=""):
             else:
                 made = sessions.folder_in(place / "made")
                 count, wrong = of_plants(made, place / name, state)
-            print(f"{count} forged {name}: {sum(each[:8] == 'exported' for each in wrong)} exported, "
-                  f"{sum(each[:7] == 'written' for each in wrong)} written", flush=True)
+            report(name, count, wrong)
             bad += wrong
     return int(bool(bad))
 

@@ -233,6 +233,12 @@ def of_swaps(made, place):
     return count, wrong
 
 
+def report(name, count, wrong):
+    """Print how many of so many forgeries were exported and written."""
+    print(f"{count} forged {name}: {sum(each[:8] == 'exported' for each in wrong)} exported, "
+          f"{sum(each[:7] == 'written' for each in wrong)} written", flush=True)
+
+
 def main(kind=""):
     """Try them; return 1 where one is exported or written."""
     plc_block.HOST = hasty_clock()
@@ -248,8 +254,7 @@ def main(kind=""):
             if kind in ("", name):
                 (place / "swaps").mkdir(exist_ok=True)
                 count, wrong = run()
-                print(f"{count} forged {name}: {sum(each[:8] == 'exported' for each in wrong)} exported, "
-                      f"{sum(each[:7] == 'written' for each in wrong)} written", flush=True)
+                report(name, count, wrong)
                 bad += wrong
     return int(bool(bad))
 

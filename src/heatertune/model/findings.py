@@ -120,7 +120,7 @@ KINDS: Final[dict[str, FindingKind]] = {
         "blocks", "it exceeds its overshoot limit on a heat-up from cold to a lower setpoint of use",
         "state a smaller range (--setpoint), or allow that overshoot (--limit overshoot)"),
     "warm-restart": FindingKind(
-        "blocks", "it exceeds its overshoot limit if the PLC restarts while the heater is warm",
+        "blocks", "it exceeds its overshoot limit if the controller restarts while the heater is warm",
         "allow that overshoot (--limit overshoot), or let the heater cool down before it is switched on"),
     "part-change": FindingKind(
         "blocks", "it exceeds its overshoot limit if the setpoint changes by part of its range of use",
