@@ -143,3 +143,5 @@ def test_from_begins_a_log_where_the_heater_is_not_at_rest_also_within_the_dead_
 def test_a_part_without_readings_is_refused_with_what_the_log_holds():
     with pytest.raises(OutOfRange, match=r"from 3000 to 1996 s = 0 .*>= 20; made goes from 0 to 1996 s"):
         fit(_log(_read()), from_s=3000.0)
+    with pytest.raises(OutOfRange, match=r"from 900 to 300 s = 0 .*>= 20; made goes from 0 to 1996 s"):
+        fit(_log(_read()), from_s=900.0, until_s=300.0)

@@ -389,13 +389,14 @@ def _check_given(log: Log, ambient_degC: Bounds | None, power_before_pct: float 
 def _used(log: Log, settings: FitSettings) -> tuple[Log, tuple[str, ...]]:
     """Return the part of a log to explain, and a sentence about any omitted part."""
     begin, end = settings.from_s, settings.until_s
-    notes = [] if begin is None else [f"Readings before {begin:g} s were not used."]
-    if begin is not None:
-        log = log.window(begin, float(log.time_s[-1]))
+    notes = () if begin is None else (f"Readings before {begin:g} s were not used.",)
+    if begin is not None or end is not None:
+        first, last = float(log.time_s[0]), float(log.time_s[-1])
+        log = log.window(first if begin is None else begin, last if end is None else end)
     if end is not None:
-        return log.window(float(log.time_s[0]), end), (*notes, f"Readings after {end:g} s were not used.")
+        return log, (*notes, f"Readings after {end:g} s were not used.")
     if log.power_pct is not None:  # it is fitted in segments
-        return log, tuple(notes)
+        return log, notes
     used, told = undisturbed_part(log)
     return used, (*notes, *told)
 
