@@ -53,6 +53,9 @@ class ReadOptions(TypedDict, total=False):
     power_full_scale: float | None
     #: readings without power and at full power: 4 20, 1 5, -100 100 …
     power_levels: tuple[float, float] | None
+    #: cell of a switched power that means on, other words mean off; a row with a blank or a word for no value
+    #: is left out, unless the column has no other word for off
+    power_on: str | None
     #: unit of the time
     time_unit: Literal["s", "ms", "us", "ns", "min", "h", "d", "mm:ss", "hh:mm"] | None
     #: interval of a log without time column [s]
@@ -99,8 +102,12 @@ class FitOptions(TypedDict, total=False):
     log_pwm_period_s: float | None
     #: thresholds of the two-level control that made a log without power [°C]
     thermostat: tuple[float, ...] | None
+    #: largest power in a log that does not contain the power [%]
+    largest_power_pct: float | None
     #: the power cools: more power, lower temperature
     cooler: bool
+    #: no other heater heats the slow mass of a heater of two time scales
+    alone: bool
 
 
 class ValidateOptions(TypedDict, total=False):

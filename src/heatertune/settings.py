@@ -73,6 +73,9 @@ class ReadSettings:
     power_levels: tuple[float, float] | None = option(
         None, float, "readings without power and at full power: 4 20, 1 5, -100 100 …", flag="--power-levels",
         pair=("OFF", "FULL"))
+    power_on: str | None = option(
+        None, str, "cell of a switched power that means on, other words mean off; a row with a blank or a word for no "
+                   "value is left out, unless the column has no other word for off", flag="--power-on", metavar="WORD")
     time_unit: str | None = option(
         None, str, "unit of the time", flag="--time-unit",
         choices=("s", "ms", "us", "ns", "min", "h", "d", "mm:ss", "hh:mm"))
@@ -129,7 +132,13 @@ class FitSettings:
         flag="--thermostat", metavar="X", several=True, label="thermostat", least=_COLDEST_DEGC,
         help="LOW HIGH: the temperatures [°C] at which the two-level control of a log without power switches on and "
              "off; then, if it has any, its minimum on and off times [s]")
+    largest_power_pct: float | None = option(
+        None, float, "largest power in a log that does not contain the power", unit="%", flag="--largest-power",
+        metavar="PCT", above=0.0, most=100.0,
+        help="largest power [%] that the heater got in a log without power; 100 if it was fully on for a while")
     cooler: bool = option(False, bool, "the power cools: more power, lower temperature", flag="--cooler")
+    alone: bool = option(
+        False, bool, "no other heater heats the slow mass of a heater of two time scales", flag="--alone")
 
     def __post_init__(self) -> None:
         validate_options(self)

@@ -155,7 +155,7 @@ class Plant:
         self.address = address_of(f"{scheme}://127.0.0.1:{self.router.port}{TAILS[cut.protocol]}")
         self.place, self.cut = place, cut
         self.timeout_s = TIMEOUTS_S[cut.protocol]
-        self.link = LinkSettings(tries=3, pause_s=0.05, timeout_s=self.timeout_s)
+        self.link, self.ends = LinkSettings(tries=3, pause_s=0.05, timeout_s=self.timeout_s), []
 
     def image(self):
         return self.plc.plc.memory.image()
@@ -178,10 +178,12 @@ class Plant:
             whole.check()
             ended = whole.run(self.place / "log.csv")
         except LinkError:
+            self.ends.append("refused")
             self._arrived()
             if self.image()[CELLS] != before:
                 yield "refused, and other cells stand there"
             return
+        self.ends.append({True: "as before", False: "another's", None: "unknown"}[ended.restored])
         self._arrived()
         if ended.restored is False:
             yield f"said to be somebody else's: {ended.message}"
@@ -216,6 +218,7 @@ class Plant:
 
     def _judged(self, end, back=False):
         outcome, stands = end.outcome.value, self.words()
+        self.ends.append(outcome)
         new = {name: self._known.words.values[name] for name in OLD}
         told = None if end.stands is None else {name: end.stands[name] for name in OLD}
         if outcome == "unknown":

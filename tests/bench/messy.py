@@ -31,6 +31,13 @@ _WITHIN = 0.1  # of the truth
 _ACCUSES = re.compile(r"cooler|another (zone|heater)|not the heater|element (is|was) (open|broken)|probe")
 _FLAG = re.compile(r"(--[a-z][a-z-]+)(?: +(?![a-z]* ?(?:and|or|with|of|in|leaves|reads|counts|to)\b)(\"[^\"]*\"|'[^']*'|[^\s;,)(]+))?")
 _SWITCHES = ("--skip-empty", "--cooler")
+#: what a file holds that names the unit which an option states: where one stands there, the question was not needed
+_MARKS = {
+    "--power-full-scale": re.compile(r"%|pct|percent|prozent", re.IGNORECASE),
+    "--power-levels": re.compile(r"%|\bmA\b|\bV\b"),
+    "--temperature-unit": re.compile(r"°|℃|℉|deg|celsius|fahrenheit|kelvin|[\[(_ /][CFK]\b", re.IGNORECASE),
+    "--time-unit": re.compile(r"[\[(_ /](s|ms|sec|seconds|min|h|d)\b", re.IGNORECASE),
+}
 
 
 def command(words: Sequence[str]) -> tuple[int, str, str]:
@@ -126,6 +133,12 @@ def judge(export: Export, folder: Path) -> tuple[str, list[str]]:
     return STUCK, said
 
 
+def has_open_units(export: Export, said: Sequence[str]) -> bool:
+    """Return whether an export was asked for a unit of which its file holds no mark."""
+    content = "".join(export.content.decode(code, "ignore") for code in ("utf-8", "utf-16", "cp1252"))
+    return any(f"{flag} " in line.partition(" -> ")[0] and not mark.search(content) for line in said for flag, mark in _MARKS.items())
+
+
 def judged(tool: str | None = None, level: str | None = None) -> list[tuple[Export, str, list[str]]]:
     """Judge the exports, of one tool or level if it is named."""
     with tempfile.TemporaryDirectory() as folder:
@@ -141,6 +154,10 @@ def printed(results: Sequence[tuple[Export, str, list[str]]], *, verbose: bool =
     lines += [f"| {tool} | {' | '.join(of_level.get(level, '') for level in LEVELS)} |" for tool, of_level in of_tool.items()]
     counts = Counter(outcome for _, outcome, _ in results)
     lines += ["", f"{len(results)} exports: " + ", ".join(f"{counts[outcome]} {outcome}" for outcome in CLASSES)]
+    named = [(export.level, outcome) for export, outcome, said in results if not has_open_units(export, said)]
+    right = Counter(level for level, outcome in named if outcome == RIGHT)
+    shares = ", ".join(f"{level} {right[level]} of {sum(each == level for each, _ in named)}" for level in LEVELS)
+    lines += [f"units named in the file or shown by it: {100.0 * right.total() / max(len(named), 1):.1f} % {RIGHT} ({shares})"]
     if verbose:
         lines += [f"\n{export.tool}, {export.level}: {outcome}\n  " + "\n  ".join(said) for export, outcome, said in results if outcome != RIGHT]
     return "\n".join(lines)

@@ -2,8 +2,9 @@
 
     python -m tests.bench.networks [COUNT] [SEED]
 
-Each network is logged with noise, fitted, tuned and proven. What passes runs on the true network: PI in double precision
-with a limited integral, power without PWM, SciPy's matrix exponential on a grid. A PASS that the judge breaks is false.
+Each network is logged with noise, fitted, tuned and proven. What passes runs on the true network with its words, PWM,
+loads and noisy readings, see `zone_judge`, under the first and under drawn settings of the open points. A PASS that the
+judge breaks is false.
 """
 
 import sys
@@ -12,17 +13,15 @@ from collections import Counter
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import expm
 
 from heatertune.plc import Scaling, controller_for
 from heatertune.zones import design_zones, fit_network
 from heatertune.zones.identify import ZoneLog
+from tests.bench.second_opinion import SWITCHES
+from tests.bench.zone_judge import judge, settling
 from tests.zones.networks import balance, drawn, logged, radius, steps
 
 TARGETS = ("s7-300", "s5-ob251")
-PARTS = 8  # steps of the judge from one sample to the next
-#: what the judge allows beyond the proof's own limits: it knows neither PWM nor rounding
-MARGIN = 1.1
 
 
 class Case(NamedTuple):
@@ -36,76 +35,9 @@ class Case(NamedTuple):
     summary: str
 
 
-def judge(network, proof):
-    """Return what the true network breaks under the words of a proof; "" where it breaks nothing."""
-    designs, spec = proof.design.designs, proof.specification
-    interval, count = designs[0].sample_time_s, len(designs)
-    delay = controller_for(proof.words[0].target).delayed_s(proof.words[0].scaling)
-    if (size := radius(network, designs, interval, delay)) >= 1.0:
-        return f"unstable, largest eigenvalue {size:.4f}"
-    step = interval / PARTS
-    states, inputs, constant = balance(network)
-    block = np.zeros((2 * count, 2 * count))
-    block[:count, :count], block[:count, count:] = states, np.eye(count)
-    exact = expm(block * step)
-    late = [round((dead + delay) / step) for dead in network.dead_times_s]
-    temperature = np.linalg.solve(states, -constant)
-    setpoint, sums = np.array(spec.setpoints_degC), np.zeros(count)
-    rise = setpoint - temperature
-    gain = np.array([design.gain_pct_per_degC for design in designs])
-    share = np.array([interval / design.integral_time_s for design in designs])
-    settle = 12.0 * max(design.integral_time_s for design in designs) - 8.0 * interval / np.log(size)
-    heat_up = 4.0 * max(network.time_constants_s) + settle
-    asked = [(0.0, setpoint)]
-    for zone in range(count):
-        moved = setpoint.copy()
-        moved[zone] += min(spec.step_degC, 0.9 * _room(network, setpoint, zone))
-        asked += [(heat_up + 2 * zone * settle, moved), (heat_up + (2 * zone + 1) * settle, setpoint)]
-    ends = [*(instant for instant, _ in asked[1:]), heat_up + 2 * count * settle]
-    powers, number = [np.zeros(count)], 0
-    for (_, wanted), end in zip(asked, ends, strict=True):
-        errors = []
-        while number * step < end:
-            if number % PARTS == 0:
-                error = wanted - temperature
-                power = gain * (error + sums + share * error)
-                sums = np.where((power > 0.0) & (power < 100.0), sums + share * error, sums)
-                power = np.clip(power, 0.0, 100.0)
-            powers.append(power)
-            arriving = np.array([powers[max(number + 1 - late[zone], 0)][zone] for zone in range(count)])
-            temperature = exact[:count, :count] @ temperature + exact[:count, count:] @ (inputs @ arriving + constant)
-            errors.append(temperature - wanted)
-            number += 1
-        if complaint := _broken(np.array(errors), wanted, setpoint, rise, spec):
-            return complaint
-    return ""
-
-
-def _room(network, setpoint, zone):
-    """Return by how much a zone's setpoint can rise before a neighbour needs no power, or it needs more than all [°C]."""
-    states, inputs, constant = balance(network)
-    base = np.linalg.solve(inputs, -(states @ setpoint + constant))
-    slope = np.linalg.solve(inputs, -states[:, zone])
-    room = [(base[i] - 1.0) / -slope[i] if slope[i] < 0.0 else (95.0 - base[i]) / slope[i] for i in range(len(base)) if slope[i]]
-    return max(min(room), 0.0)
-
-
-def _broken(errors, wanted, setpoint, rise, spec):
-    last = errors[-len(errors) // 5 :]
-    if (offset := np.abs(last).max()) > MARGIN * spec.limits.tolerance_degC:
-        return f"{offset:.2f} °C off at the end"
-    moved = wanted != setpoint
-    if not moved.any():
-        over = (100.0 * errors.max(axis=0) / rise).max()
-        return f"overshoot {over:.0f} %" if over > MARGIN * spec.limits.overshoot_pct else ""
-    change = float((wanted - setpoint).max())
-    off = np.abs(errors[:, ~moved]).max()
-    return f"a neighbour {off:.2f} °C off" if off > MARGIN * spec.deviation_limit_degC(change) else ""
-
-
 def case(seed, most_zones=8):
     """Return what becomes of one drawn network."""
-    random, begun = np.random.default_rng(seed), time.perf_counter()
+    random, begun = np.random.default_rng(seed), time.process_time()
     network = drawn(random, int(random.integers(2, most_zones + 1)))
     count = len(network.zones)
     length = int(12 * max(network.time_constants_s)) + 1500 * count
@@ -119,8 +51,23 @@ def case(seed, most_zones=8):
     states, inputs, constant = balance(network)
     setpoints = np.linalg.solve(states, -(inputs @ random.uniform(22.0, 40.0, count) + constant)).round(1)
     proof = design_zones(fitted, TARGETS[seed % 2], list(setpoints), scaling=Scaling(low_degC=0.0, high_degC=200.0))
-    complaint = judge(network, proof) if proof.verdict == "PASS" else ""
-    return Case(proof.verdict, complaint, inside, len(intervals), time.perf_counter() - begun, proof.summary())
+    complaint = complaint_of(network, proof, random) if proof.verdict == "PASS" else ""
+    return Case(proof.verdict, complaint, inside, len(intervals), time.process_time() - begun, proof.summary())
+
+
+def complaint_of(network, proof, random):
+    """Return what a true network breaks under the words of a proof; "" where it breaks nothing."""
+    words, designs = proof.words[0], proof.design.designs
+    size = radius(network, designs, words.sample_time_s, controller_for(words.target).delayed_s(words.scaling))
+    if size >= 1.0:
+        return f"unstable, largest eigenvalue {size:.4f}"
+    lasts_s = settling(network, proof, size)
+    choices = SWITCHES[words.target]
+    drawn_settings = {name: str(random.choice(each)) for name, each in choices.items()}
+    for settings in ({name: each[0] for name, each in choices.items()}, drawn_settings):
+        if complaint := judge(network, proof, settle_s=lasts_s, seed=int(random.integers(1 << 30)), settings=settings):
+            return f"{complaint} ({settings})"
+    return ""
 
 
 def run(count=200, first=0):

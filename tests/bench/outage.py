@@ -51,14 +51,17 @@ def _ip(*words):
 class Network:
     """Client, router and server, each in a namespace of its own; `with` takes all away."""
 
-    host = "10.93.2.2"
+    def __init__(self, number=0):
+        """Belong to two of the nets 10.93.0.0/16; two networks at once that name a PLC by its host need two numbers."""
+        self._nets = 2 * number + 1, 2 * number + 2
+        self.host = f"10.93.{self._nets[1]}.2"
 
     def __enter__(self):
         tail = f"{os.getpid() % 100000}n{next(_NUMBERS)}"
         self.client, self._router, self.server = names = [f"{kind}{tail}" for kind in ("htc", "htr", "hts")]
         for name in names:
             _ip("netns", "add", name)
-        for end, name, other, net in (("c", self.client, "rc", 1), ("s", self.server, "rs", 2)):
+        for end, name, other, net in (("c", self.client, "rc", self._nets[0]), ("s", self.server, "rs", self._nets[1])):
             _ip("link", "add", f"{end}0", "netns", name, "type", "veth", "peer", "name", other, "netns", self._router)
             _ip("-n", name, "addr", "add", f"10.93.{net}.2/24", "dev", f"{end}0")
             _ip("-n", self._router, "addr", "add", f"10.93.{net}.1/24", "dev", other)
@@ -93,6 +96,14 @@ class Network:
         thread.start()
         thread.join()
         return found[0]
+
+    def in_client(self, act):
+        """Do something in the client's namespace, its threads too; return what it returns."""
+        return self._within(self.client, act)
+
+    def in_server(self, act):
+        """Do the same in the server's."""
+        return self._within(self.server, act)
 
     def listener(self):
         """Return a socket that listens in the server's namespace."""

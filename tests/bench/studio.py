@@ -22,7 +22,7 @@ from heatertune.studio.loop_settings import first_look, full_proof
 from heatertune.studio.session import Session, fit_log, read_source
 
 CHROMIUM = "/usr/bin/chromium"
-PROVEN = """() => !document.documentElement.classList.contains('stale')
+PROVEN = """() => !document.documentElement.hasAttribute('data-stale')
   && /^(PASS|FAIL|NOT PROVEN)/.test(document.querySelector('[data-field=verdict]').textContent)"""
 #: sets the slider as a hand does and tells after how many milliseconds the loop's chart had changed on the screen
 MOVE = """(value) => new Promise((told) => {
@@ -38,7 +38,7 @@ MOVE = """(value) => new Promise((told) => {
 })"""
 #: tells after how many milliseconds from now the banner's verdict is true again
 VERDICT = """() => new Promise((told) => { const begun = performance.now();
-  const look = () => document.documentElement.classList.contains('stale') || document.querySelector('[data-field=verdict]')
+  const look = () => document.documentElement.hasAttribute('data-stale') || document.querySelector('[data-field=verdict]')
     .textContent.startsWith('Proving') ? setTimeout(look, 5) : told(performance.now() - begun); look(); })"""
 #: milliseconds from the navigation to the first line drawn in a chart
 FIRST = """() => new Promise((told) => { const look = () => document.querySelector('[role=img] svg path[stroke]')

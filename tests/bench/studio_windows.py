@@ -26,10 +26,10 @@ from tests.bench.documents import write_all
 CHROMIUM = "/usr/bin/chromium"
 #: the words and the verdict at the very moment of the click, and whether the page is grey
 CLICK = """() => { const shown = [document.querySelector('[data-field=words]').textContent,
-    document.querySelector('[data-field=verdict]').textContent, document.documentElement.classList.contains('stale')];
+    document.querySelector('[data-field=verdict]').textContent, document.documentElement.hasAttribute('data-stale')];
   const button = [...document.querySelectorAll('button')].find(e => e.textContent.includes('Download words'));
   if (!button.disabled) button.click(); return [...shown, button.disabled]; }"""
-RESTS = "() => !document.documentElement.classList.contains('stale')"
+RESTS = "() => !document.documentElement.hasAttribute('data-stale')"
 MOVE = """(value) => { const slider = document.querySelector('input[data-field=ms]'); slider.value = value;
   slider.dispatchEvent(new Event('input', {bubbles: true})); }"""
 

@@ -1,5 +1,6 @@
 """Drawn networks of zones: no false PASS by a judge of its own, and the judge finds loops that swing together."""
 
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -8,9 +9,13 @@ import pytest
 from heatertune.settings import Conditions
 from heatertune.zones import network_by_hand, prove_zones
 from heatertune.zones.joint_proof import specification_for
-from tests.bench.networks import case, judge
+from tests.bench.coupled import outcome
+from tests.bench.networks import case, complaint_of
+from tests.bench.zone_judge import judge
 from tests.zones.networks import chain
 from tests.zones.test_joint import separate
+
+pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler, cc")
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -26,7 +31,20 @@ def test_the_judge_breaks_loops_that_swing_together():
     fitted = network_by_hand(network)
     spec = specification_for(fitted, 60.0, Conditions())
     proof = prove_zones(separate((14.52, 24.99, 14.52), (41.4, 33.5, 41.4)), fitted, spec, up_to_failure=True)
-    assert "unstable" in judge(network, proof)
+    assert "unstable" in complaint_of(network, proof, np.random.default_rng(0))
+    assert "off at the end" in judge(network, proof, settle_s=3000.0)
     strict = replace(proof, design=separate((5.5,) * 3, (60.0,) * 3), specification=replace(spec, deviation_degC=0.05))
-    assert "neighbour" in judge(network, strict)
-    assert np.all(np.asarray(network.exchange) >= 0.0)
+    assert "neighbour" in judge(network, strict, settle_s=3000.0)
+    calm = replace(strict, specification=spec)
+    assert not judge(network, calm, settle_s=3000.0)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("target", "c"), [("s7-300", 0.0), ("s7-300", 4.0), ("s5-ob251", 8.0)])
+def test_coupled_zones_pass_together_and_not_one_by_one(target, c):
+    found = outcome(c, target)
+    assert (found.verdict, found.complaint) == ("PASS", ""), found.summary
+    assert found.eigenvalue < 0.99
+    assert (found.alone == ("PASS", "PASS")) == (c == 0.0)
+    if c == 4.0:
+        assert found.deviation <= 1.32

@@ -15,3 +15,12 @@ def test_a_log_written_in_another_way_gives_the_heater_that_wrote_it(writer, tmp
         case = on_change.drawn(rng)
         model = thinning.fitted(writer(thinning.drawn_rows(case, seed)), tmp_path)
         assert thinning.blocks(model) or not on_change.missed(case, model), (writer.__name__, seed)
+
+
+@pytest.mark.long
+def test_loads_that_begin_with_each_step_of_the_power_are_not_told_from_it(tmp_path):
+    """A drawn log with rows of 76 s and its power a row late: three loads stood in for a part of each step, the gain was 0.48 to 0.71."""
+    case = on_change.Case(gain=0.785968, time_constant_s=1611.6, second_s=0.0, dead_time_s=80.4963, ambient_degC=21.5,
+                          plan=((0.0, 0.0), (458.8, 58), (7710.979, 20)), end_s=14963.158, poll_s=76, step_degC=0.1, noise_degC=0.0)
+    model = thinning.fitted(thinning.late(thinning.drawn_rows(case, 9093)), tmp_path)
+    assert thinning.blocks(model) or not on_change.missed(case, model), (model.outcome, model.ci95)

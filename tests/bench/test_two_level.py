@@ -2,12 +2,15 @@
 
 import re
 
+import numpy as np
 import pytest
 
 from heatertune.chain.stages import fit
 from heatertune.errors import InputError, OutOfRange
+from heatertune.log.log_values import Log
 from heatertune.model.model_values import FitOutcome
-from heatertune.model.temperature.two_level import Thermostat
+from heatertune.model.relay_test import find_relay
+from heatertune.model.temperature.thresholds import Thermostat
 from tests.bench import two_level, whose_heater
 
 
@@ -44,11 +47,48 @@ def test_a_thermostat_is_two_thresholds_and_up_to_two_times(numbers):
         Thermostat.stated(numbers)
 
 
+@pytest.mark.parametrize("seed", [10, 41])
 @pytest.mark.long
-def test_a_thermostat_is_not_stated_for_a_log_with_power():
-    drawn = two_level.draw(10)
-    with pytest.raises(InputError, match="contains the power"):
-        fit((drawn.time_s, drawn.temperature, drawn.power), thermostat=(50.0, 60.0))
+def test_stated_thresholds_of_a_log_with_power_are_compared_with_those_that_it_shows(seed):
+    drawn = two_level.draw(seed)
+    assert drawn.powered
+    fit((drawn.time_s, drawn.temperature, drawn.power), thermostat=(drawn.low, drawn.high, *drawn.least))
+    with pytest.raises(InputError, match="its heater is switched off at"):
+        fit((drawn.time_s, drawn.temperature, drawn.power), thermostat=(drawn.low - 30.0, drawn.high - 30.0))
+
+
+def test_the_power_of_a_staircase_is_no_thermostat_s():
+    time = np.arange(0.0, 1200.0, 4.0)
+    power = np.where(time < 100.0, 0.0, np.where(time < 600.0, 60.0, 30.0))
+    heater = np.zeros(len(time))
+    for k in range(1, len(time)):  # Euler's rule
+        heater[k] = heater[k - 1] + 4.0 / 150.0 * (0.5 * power[max(k - 5, 0)] - heater[k - 1])
+    with pytest.raises(InputError, match="does not switch at two temperatures; leave out --thermostat"):
+        fit((time, 20.0 + heater + np.random.default_rng(1).normal(0.0, 0.05, len(time)), power), thermostat=(40.0, 45.0))
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_the_thresholds_between_the_rows_of_a_log_with_power_hold_those_that_switched_it(seed):
+    drawn = two_level.draw(seed)
+    record = find_relay(Log(name="log", source="", time_s=drawn.time_s, temperature_degC=drawn.temperature, power_pct=drawn.power))
+    if record is None:
+        return
+    shown = record.thresholds
+    assert drawn.high <= shown.high.high
+    assert drawn.low >= shown.low.low
+    if not any(drawn.least):
+        assert shown.high.low <= drawn.high
+        assert drawn.low <= shown.low.high
+        assert shown.hysteresis.low <= drawn.high - drawn.low <= shown.hysteresis.high
+
+
+@pytest.mark.long
+def test_thresholds_that_the_curve_contradicts_are_refused_and_the_remedy_works():
+    drawn = two_level.draw(9)
+    off = drawn.high - 0.9 * (drawn.high - drawn.plant.ambient)
+    refused = two_level.fit_text(drawn, drawn.text(False), thermostat=(off - 1.0, off))
+    assert "correct --thermostat" in refused.message
+    assert two_level.fit_text(drawn, drawn.text(False), thermostat=(drawn.low, drawn.high)).outcome != "refused"
 
 
 @pytest.mark.parametrize("kind", ["opens", "probe"])
@@ -85,8 +125,57 @@ def test_a_second_heater_is_told_with_its_instant_and_the_option_that_cuts_it_ou
 
 
 @pytest.mark.long
-def test_thresholds_that_are_not_stated_are_told_as_the_range_that_holds_them():
-    drawn = two_level.draw(9)
-    notes = " ".join(fit((drawn.time_s, drawn.temperature)).notes)
-    low, high = map(float, re.search(r"they lie within (-?[\d.]+) to (-?[\d.]+) °C", notes).groups())
-    assert low <= drawn.low < drawn.high <= high
+def test_thresholds_that_are_not_stated_are_noted_as_intervals_that_hold_them():
+    drawn = two_level.draw(6)
+    assert not any(drawn.least)
+    verdict = two_level.fit_text(drawn, drawn.text(False))
+    noted = two_level.judged_thresholds(drawn, verdict.message)
+    assert [name for name, holds in noted if holds] == ["threshold off", "threshold on", "hysteresis"]
+
+
+@pytest.mark.parametrize("powered", [True, False], ids=["power", "temperature alone"])
+@pytest.mark.long
+def test_a_controller_that_was_off_until_the_heater_had_cooled_is_told_with_the_option_that_leaves_it_out(powered):
+    drawn = whose_heater.draw("restart", "loop", 1)
+    outcome, holds, message = whose_heater.fitted_or_refused(drawn, powered)
+    options, instant = whose_heater.cut_of(message)
+    assert options, message
+    assert drawn.at - 0.02 * drawn.length < instant < drawn.at + 0.25 * drawn.length  # it is off for 1.2 time constants
+    assert powered or list(options) == ["until_s"], "the part after it does not begin at the room's temperature"
+    assert holds if powered else outcome == "LAW_UNKNOWN"
+    cut, holds, message = whose_heater.fitted_or_refused(drawn, powered, **options)
+    assert cut in ("IDENTIFIED", "COMBINATIONS_ONLY"), message
+    assert holds is not False
+
+
+@pytest.mark.long
+def test_a_part_of_a_log_without_power_that_begins_warm_is_not_fitted_as_if_that_were_the_room():
+    drawn = whose_heater.draw("restart", "loop", 1)
+    _, holds, message = whose_heater.fitted_or_refused(drawn, False, from_s=4053.0)  # at 67 °C, in a room of 26 °C
+    assert holds is not False, message
+    assert "The room is that of the log's first reading" in message
+
+
+@pytest.mark.parametrize(("seed", "lags", "dead"), [(0, (110.0, 38.0), 6.0), (1, (160.0, 128.0), 9.0)])
+@pytest.mark.long
+def test_pulses_that_the_temperature_does_not_show_are_taken_at_their_rows(seed, lags, dead):
+    """A PI loop with time-proportioned power over ten rows of 2 s; free instants made 73 s of dead time out of the lags."""
+    gain, rng, fine = (0.56, 0.72)[seed], np.random.default_rng(seed), 0.1
+    inner = outer = total = duty = 0.0
+    late, rows = [0.0] * round(dead / fine), []
+    for i in range(1400):
+        setpoint = 0.0 if i < 30 else gain * 45.0 if i < 700 else gain * 55.0
+        if i % 10 == 0:
+            error = setpoint - outer - rng.normal(0.0, 0.05)
+            proportional = 0.45 * lags[0] / (gain * (lags[1] + dead))
+            duty = min(max(proportional * error + total, 0.0), 100.0)
+            total += proportional * error * 20.0 / sum(lags) if 0.0 < duty < 100.0 else 0.0
+        power = 100.0 if i % 10 < round(duty / 10.0) else 0.0
+        rows.append((2.0 * i, round(22.0 + outer + rng.normal(0.0, 0.05), 1), power))
+        for _ in range(20):
+            late.append(power)
+            inner += fine * (gain * late.pop(0) - inner) / lags[0]
+            outer += fine * (inner - outer) / lags[1]
+    found = fit(tuple(np.array(rows).T))
+    two = [each.model for each in found.candidates if len(each.model.lags_s) == 2]
+    assert any(each.lags_s == pytest.approx(lags, rel=0.1) and each.dead_time_s == pytest.approx(dead, abs=2.0) for each in two)

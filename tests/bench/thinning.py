@@ -3,7 +3,7 @@
 Real logs are read where they lie beside the project, drawn ones come from `on_change.py`. Each is written again and fitted;
 the intervals have to meet those of the log as it was, and of a drawn heater hold the truth. By hand:
 
-    python -m tests.bench.thinning [COUNT]                  so many drawn logs, and all real ones
+    python -m tests.bench.thinning [COUNT] [FIRST]          so many drawn logs from a seed on; from the first seed on, the real ones too
     python -m tests.bench.thinning accused [COUNT] [FIRST]  is a heater said to have stopped in drawn logs of means and late rows?
 """
 
@@ -164,11 +164,12 @@ def blocks(model: FittedModel) -> list[str]:
     return [finding.name for finding in model.findings if finding.kind.effect == "blocks"]
 
 
-def main(count: int, folder: Path) -> int:
+def main(count: int, first: int, folder: Path) -> int:
     tally = Counter[str]()
     rng = random.Random(7)
-    cases = [(f"drawn {seed}", drawn_rows(case, seed), case) for seed in range(count) for case in [on_change.drawn(rng)]]
-    for path in sorted(REAL.glob("*.csv")) if REAL.is_dir() else []:
+    drawn = [(seed, on_change.drawn(rng)) for seed in range(first + count)][first:]
+    cases = [(f"drawn {seed}", drawn_rows(case, seed), case) for seed, case in drawn]
+    for path in sorted(REAL.glob("*.csv")) if first == 0 and REAL.is_dir() else []:
         try:
             log = read_log(path)
         except HeatertuneError:
@@ -225,4 +226,4 @@ if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as made:
         if sys.argv[1:2] == ["accused"]:
             sys.exit(min(accused(int([*sys.argv, 100][2]), int([*sys.argv, 0, 0][3]), Path(made)), 1))
-        sys.exit(min(main(int(sys.argv[1]) if len(sys.argv) > 1 else 40, Path(made)), 1))
+        sys.exit(min(main(int([*sys.argv, 40][1]), int([*sys.argv, 0, 0][2]), Path(made)), 1))

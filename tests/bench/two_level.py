@@ -6,6 +6,7 @@
 Each seed is one log: one lag or two with dead time, a hysteresis of 0.5…10 °C, noise, steps of the reading, minimum on
 and off times, rows of 1…60 s, a step of the mains, a start from cold or within the cycle; half of the logs have the
 power. A log without power is fitted as it is, and once more with the thresholds stated. What a message names is done.
+The thresholds that a note names count as intervals, of a thermostat without minimum times (it says "unless").
 Exit status 1 if anything is called identified that is not true, or if fewer than 95 % of the intervals hold the truth.
 
 Heater, thermostat and stability limit are this file's own; they use nothing of heatertune.
@@ -180,6 +181,20 @@ def judged(drawn, fitted):
     return result
 
 
+_THRESHOLDS = re.compile(r"off at (-?[\d.]+) to (-?[\d.]+) °C and on at (-?[\d.]+) to (-?[\d.]+) °C, ([\d.]+) to ([\d.]+) °C apart")
+_DIGIT = 0.05  # the note has one decimal [°C]
+
+
+def judged_thresholds(drawn, message):
+    """Return (name, whether the truth lies inside) of the thresholds that a note names; a minimum time moves them."""
+    noted = _THRESHOLDS.search(message)
+    if noted is None or any(drawn.least):
+        return []
+    ends = [float(each) for each in noted.groups()]
+    return [(name, low - _DIGIT <= true <= high + _DIGIT) for name, true, low, high in zip(
+        ("threshold off", "threshold on", "hysteresis"), (drawn.high, drawn.low, drawn.high - drawn.low), ends[::2], ends[1::2], strict=True)]
+
+
 @dataclass
 class Verdict:
     """What one fit of one log gave."""
@@ -212,6 +227,7 @@ def fit_text(drawn, text, **options):
     names = {finding.name for finding in fitted.findings}
     message = " ".join([fitted.outcome.value, *(remedy_of(name, names) for name in sorted(names)), *fitted.notes])
     claims = [] if fitted.outcome.name in ("POOR_FIT", "LAW_UNKNOWN") else judged(drawn, fitted)
+    claims += judged_thresholds(drawn, message)
     return Verdict(fitted.outcome.name, claims, message, seconds)
 
 

@@ -5,8 +5,9 @@
 
 Kinds: the circuit of the heater opens, for good or for a while (a thermal cut-out); one of its two elements opens; the
 probe falls out and shows the room; the controller is reset, forgets its
-integral and begins again; a second heater is switched on. Each in a PI loop, with steps of the power, or under two-level
-control. A reset is no fault of the heater: its log has to be fitted as it is. For the others the log has to be refused
+integral and begins again; it is off until the heater has cooled down (restart); a second heater is switched on. Each in a PI loop, with steps of the power, or under two-level
+control. A reset is no fault of the heater: its log has to be fitted as it is, and in a loop a restart is told with the
+option that leaves it out. For the others the log has to be refused
 with `--until` before the instant, or to be fitted with the truth inside its intervals; never as a cooler. The cut log has
 to be fitted. Heater and controllers are this file's own; they use nothing of heatertune.
 """
@@ -30,7 +31,7 @@ from heatertune.chain.stages import fit
 from heatertune.errors import HeatertuneError
 from heatertune.log import read_log
 
-KINDS = ("opens", "probe", "reset", "second", "cut-out", "element")
+KINDS = ("opens", "probe", "reset", "second", "cut-out", "element", "restart")
 WAYS = ("loop", "steps", "two-level")
 _TOLERANCE = 0.03  # of the gain
 
@@ -43,10 +44,12 @@ class Drawn:
     gain: float
     at: float
     length: float
+    way: str
 
-    def text(self):
-        """Return the file."""
-        return "\n".join(["time_s,temperature_degC,power_pct", *(f"{t:g},{y:.10g},{u:.4g}" for t, y, u in self.rows), ""])
+    def text(self, powered=True):
+        """Return the file, with the power or without."""
+        rows = (f"{t:g},{y:.10g}" + (f",{u:.4g}" if powered else "") for t, y, u in self.rows)
+        return "\n".join(["time_s,temperature_degC" + (",power_pct" if powered else ""), *rows, ""])
 
 
 def draw(kind, way, seed):
@@ -67,7 +70,8 @@ def draw(kind, way, seed):
     noise, step = rng.uniform(0.02, 0.1), float(rng.choice([0.01, 0.1]))
     band = 100.0 * gain * rng.uniform(0.01, 0.03)
     pipe, x, y, part, on, power = [0.0] * round(dead / fine), ambient, ambient, 0.0, True, 0.0
-    rise, reset_for = 100.0 * gain * rng.uniform(0.15, 0.4), 5.0 * interval
+    rise, reset_for = 100.0 * gain * rng.uniform(0.15, 0.4), 5.0 * interval + (1.2 * lag if kind == "restart" else 0.0)
+    is_reset = kind in ("reset", "restart")
     closes = at + (2.0 * lag if kind == "cut-out" else math.inf)
     rows, probe, has_reset = [], ambient, False
     for row in range(int(length / interval)):
@@ -75,9 +79,9 @@ def draw(kind, way, seed):
         gone = now >= at
         seen = probe if kind == "probe" and gone else y
         read = round((seen + rng.normal(0.0, noise)) / step) * step
-        if kind == "reset" and gone and not has_reset:
+        if is_reset and gone and not has_reset:
             part, has_reset = 0.0, True
-        if now < 3.0 * interval or (kind == "reset" and gone and now < at + reset_for):
+        if now < 3.0 * interval or (is_reset and gone and now < at + reset_for):
             power = 0.0
         elif way == "loop":
             wanted = k * (target - read) + part
@@ -96,14 +100,14 @@ def draw(kind, way, seed):
             x += fine / lag * (ambient + gain * pipe.pop(0) + extra - x)
             y = x if not second else y + fine / second * (x - y)
             probe += fine / max(4.0 * interval, 0.03 * lag) * ((ambient if gone else y) - probe)
-    return Drawn(rows=rows, gain=gain, at=at, length=length)
+    return Drawn(rows=rows, gain=gain, at=at, length=length, way=way)
 
 
-def fitted_or_refused(drawn, **options):
+def fitted_or_refused(drawn, powered=True, **options):
     """Return the outcome, whether the gain's interval holds the truth (None: no interval), and all messages."""
     with tempfile.TemporaryDirectory() as place, cache.cache_disabled():
         path = Path(place) / "log.csv"
-        path.write_text(drawn.text(), encoding="utf-8")
+        path.write_text(drawn.text(powered), encoding="utf-8")
         try:
             fitted = fit(read_log(path), **options)
         except HeatertuneError as problem:
@@ -118,27 +122,36 @@ def fitted_or_refused(drawn, **options):
     return fitted.outcome.name, (1.0 - _TOLERANCE) * low <= drawn.gain <= (1.0 + _TOLERANCE) * high, message
 
 
+def cut_of(message):
+    """Return the options of a message that leave out a part of the log, and the instant at which they cut [s]."""
+    found = re.search(r"--from ([\d.]+)(?: --until ([\d.]+))? leaves", message)
+    if found:
+        return {"from_s": float(found[1])} | ({"until_s": float(found[2])} if found[2] else {}), float(found[1])
+    until = re.search(r"--until (-?[\d.]+)", message)
+    return ({"until_s": float(until[1])}, float(until[1])) if until else ({}, None)
+
+
 def verdict_of(kind, drawn):
     """Return a word on how a log was served, and what was said."""
     outcome, holds, message = fitted_or_refused(drawn)
-    until = re.search(r"--until (-?[\d.]+)", message)
-    word = "fitted"
+    options, until = cut_of(message)
+    word = "a restart not told" if (kind, drawn.way, until) == ("restart", "loop", None) else "fitted"
     if outcome == "crashed":
         word = "crashed"
     elif "a cooler" in message:
         word = "called a cooler"
     elif outcome == "refused" and until is None:
         word = "refused without the instant"
-    elif outcome == "refused" and kind == "reset":
+    elif outcome == "refused" and kind in ("reset", "restart"):
         word = "a reset refused"
     elif holds is False:
         word = "wrong gain"
     elif until is not None and kind != "reset":
-        after, its, then = fitted_or_refused(drawn, until_s=float(until[1]))
-        if kind == "cut-out" and (earlier := re.search(r"--until (-?[\d.]+)", then)):  # where it closes again, then where it opens
-            until = earlier
-            after, its, then = fitted_or_refused(drawn, until_s=float(until[1]))
-        if abs(float(until[1]) - drawn.at) > 0.15 * drawn.length:
+        after, its, then = fitted_or_refused(drawn, **options)
+        if kind == "cut-out" and cut_of(then)[0]:  # where it closes again, then where it opens
+            options, until = cut_of(then)
+            after, its, then = fitted_or_refused(drawn, **options)
+        if abs(until - drawn.at) > (0.25 if kind == "restart" else 0.15) * drawn.length:
             word = "another instant"
         elif after in ("refused", "crashed") or its is False:
             word, message = "the cut log fails", then

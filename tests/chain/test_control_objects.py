@@ -53,7 +53,7 @@ def test_without_arguments_the_dead_time_is_a_pade_approximant_of_the_stated_ord
     (lambda: control.tf([1.0], [1.0, 0.0]), "does not come to rest"),
     (lambda: control.tf([1.0], [1.0, -2.0]), "does not come to rest"),
     (lambda: control.tf([1.0], [1.0, 0.2, 4.0]), "2 lags; expected a gain, one or two real lags"),
-    (lambda: control.tf([1.0, 1.0], [1.0, 3.0, 2.0]), "a zero at -1"),
+    (lambda: control.tf([1.0, 3.0], [1.0, 3.0, 2.0]), "a zero at -3 with lags of 1 and 0.5 s"),
     (lambda: control.tf([-1.0, 1.0], [6.0, 5.0, 1.0]), "a zero at 1 that no Padé approximant has"),
     (lambda: control.tf([1.0], [1.0, 6.0, 11.0, 6.0]), "3 lags"),
     (lambda: control.tf([1.0], [1.0, 0.5], 1.0), "poles at"),
@@ -64,11 +64,17 @@ def test_what_is_no_heater_is_refused_with_its_reason(system, message):
         ht.Fopdt.from_tf(system())
 
 
+def test_a_zero_that_cancels_a_lag_leaves_the_other():
+    """(s + 1) / ((s + 1)(s + 2)) is 1 / (s + 2)."""
+    heater = ht.Fopdt.from_tf(control.tf([1.0, 1.0], [1.0, 3.0, 2.0]))
+    assert (heater.gain_degC_per_pct, heater.time_constant_s, heater.dead_time_s) == pytest.approx((0.5, 0.5, 0.0), abs=1e-9)
+
+
 def test_a_system_with_two_lags_is_no_fopdt_but_its_half_rule_is():
     two = HEATERS["two lags"]
     with pytest.raises(InputError, match=r"TwoLag.from_tf takes them"):
         ht.Fopdt.from_tf(two.to_tf())
-    with pytest.raises(InputError, match="one lag"):
+    with pytest.raises(InputError, match=r"no TwoLag: Fopdt.from_tf takes it"):
         ht.TwoLag.from_tf(HEATERS["one lag"].to_tf())
 
 

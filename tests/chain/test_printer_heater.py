@@ -6,7 +6,7 @@ from heatertune.chain import encode, pipeline, prove, tune
 from heatertune.log import read_log
 from heatertune.model.model_values import Fopdt, model_by_hand
 from heatertune.plc import Scaling
-from heatertune.proof.design_request import DesignRequest
+from heatertune.proof.design_request import DesignRequest, with_printer_range
 from heatertune.proof.verdict import verdict_line, wear_text
 from heatertune.report import verify_brief
 from heatertune.settings import Conditions, ReadSettings
@@ -40,7 +40,8 @@ def test_the_tag_of_the_log_is_the_heater_of_the_export(klippy, target, tag, tol
     ("klipper", None, (0.0, 260.0), (0.0, 260.0)), ("weg", None, None, None)])
 def test_a_printer_that_is_hotter_than_the_default_range_needs_no_range(hot, target, tag, stated, expected):
     scaling = None if stated is None else Scaling(low_degC=stated[0], high_degC=stated[1])
-    asked = pipeline._of_its_printer(DesignRequest(target=target, scaling=scaling), read_log(hot, ReadSettings(tag=tag)))
+    hottest = float(read_log(hot, ReadSettings(tag=tag)).temperature_degC.max())
+    asked = with_printer_range(DesignRequest(target=target, scaling=scaling), hottest)
     assert (None if asked.scaling is None else asked.scaling.sensor_degC) == expected
 
 

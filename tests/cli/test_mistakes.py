@@ -113,6 +113,8 @@ MISTAKES = [
     ('read table33', 'did you mean table3?'),
     ('verify words.jsn', 'cannot be read'),
     ('tune --gain 0.37 --time-constant 167', 'no model: name a model file, or add --dead-time'),
+    ('tune --gain 0.37 --time-constant 167 --dead-time 12 --zero 60', 'state that of the fast element'),
+    ('tune --gain 0.37 --time-constant 167 --second-time-constant 20 --dead-time 12 --zero 170', 'between both time constants'),
     ('tune --gian 0.37', 'did you mean --gain?'),
     ('tune oven.csv --target weg', 'oven.csv'),
     ('spec ovn', "did you mean 'oven'?"),
@@ -130,6 +132,7 @@ RIGHT = [
     'design oven.csv --target weg --tolerance 1,5 --limit overshoot=3degC',
     'design table4 --target pid_compact --sample-time 1,5',
     'tune --gain 0,37 --time-constant 167 --dead-time 12 --ambient -5,5',
+    'tune --gain 0,37 --time-constant 167 --second-time-constant 20 --zero 60 --dead-time 12',
 ]
 
 

@@ -163,7 +163,7 @@ def test_every_setting_of_a_case_reaches_its_stage(monkeypatch):
     from heatertune.batch import studies  # noqa: PLC0415 - the slow libraries, beside their only use
 
     settings = {
-        "gain_degC_per_pct": 0.5, "time_constant_s": 100.0, "second_time_constant_s": 9.0, "dead_time_s": 5.0,
+        "gain_degC_per_pct": 0.5, "time_constant_s": 100.0, "second_time_constant_s": 9.0, "zero_s": 40.0, "dead_time_s": 5.0,
         "ambient_degC": 21.0, "target": "fb41", "structure": "pi", "method": "optimum", "closed_loop_s": 7.0,
         "objective": "load", "weight": 0.5, "ms": 1.5, "mt": 1.3, "mks": 30.0, "sample_time_s": 1.0, "words": "rounded",
         "as_is": True,
@@ -187,6 +187,7 @@ def test_every_setting_of_a_case_reaches_its_stage(monkeypatch):
     assert row["case_switches"] == '{"a": "b"}'
     assert (seen["heater"].gain_degC_per_pct, *seen["heater"].lags_s) == (0.5, 100.0, 9.0)
     assert (seen["heater"].dead_time_s, seen["heater"].ambient_degC) == (5.0, 21.0)
+    assert seen["heater"].zero_s == 40.0
     asked = seen["asked"]
     assert (asked.target, asked.words_by, asked.as_is, asked.sample_settings.samples) == ("fb41", "rounded", True, None)
     assert (asked.scaling.low_degC, asked.scaling.high_degC, asked.scaling.input) == (10.0, 90.0, "4-20mA")

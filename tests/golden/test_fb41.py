@@ -15,6 +15,7 @@ from heatertune.errors import InputError, NotRepresentable, OutOfRange
 from heatertune.model.model_values import Fopdt
 from heatertune.pid.design_values import PidDesign, structure_of
 from heatertune.plc import Certificate, Scaling, Words, controller_for
+from heatertune.plc.fb41.export import DEFAULTS
 from heatertune.plc.fb41.step import ContCAssumptions, call
 from heatertune.plc.words import holds
 from heatertune.proof import Actuator, Scenario, TemperatureStep, simulate
@@ -371,3 +372,11 @@ def test_the_source_is_ascii_with_crlf_and_tells_verdict_and_force():
     assert "  P_SEL := TRUE ;" in source
     assert "DBD24,TI,TIME,T#202500MS,reset time" in files["fb41_words.csv"]
     assert ROOM.export(_words(), certificate) == files
+
+
+def test_the_start_values_are_those_of_the_manual():
+    """From the help of TIA Portal, "Input parameter CONT_C (S7-300, S7-400)", column Default; MAN_ON is TRUE there."""
+    told = {"PVPER_ON": 0, "P_SEL": 1, "I_SEL": 1, "INT_HOLD": 0, "I_ITL_ON": 0, "D_SEL": 0, "CYCLE": 1000, "MAN": 0.0, "TD": 10000,
+            "TM_LAG": 2000, "DEADB_W": 0.0, "LMN_HLM": 100.0, "LMN_LLM": 0.0, "PV_FAC": 1.0, "PV_OFF": 0.0, "LMN_FAC": 1.0, "LMN_OFF": 0.0,
+            "I_ITLVAL": 0.0, "DISV": 0.0}
+    assert {name: value for name, value in DEFAULTS.items() if name != "MAN_ON"} == told

@@ -11,7 +11,7 @@ from tests.conftest import ROOT
 from tests.docs.blocks import differences
 from tests.docs.notebooks import LARGEST_BYTES, NOTEBOOKS, pictures, texts
 
-FACE = {"heatertune", "numpy", "matplotlib", "matplotlib.pyplot", "pandas", "control", "tclab"}
+FACE = {"heatertune", "from heatertune.zones", "numpy", "matplotlib", "matplotlib.pyplot", "pandas", "control", "tclab"}
 #: what a notebook imports that tests don't install for themselves → the witnesses that it takes
 BROUGHT = {"tclab": ("tclab", "pyserial")}
 

@@ -91,7 +91,7 @@ VALUES = (math.nan, math.inf, -math.inf, "frozen", "clamped")
 
 @pytest.mark.brute
 @pytest.mark.long
-@pytest.mark.parametrize("after", [1, 8])
+@pytest.mark.parametrize("after", [1, 5, 8])
 @pytest.mark.parametrize("value", VALUES, ids=str)
 @pytest.mark.parametrize("name", REALS)
 def test_a_write_is_not_done_on_it(proven, device, tmp_path, name, value, after):
@@ -117,25 +117,31 @@ def test_a_write_is_not_done_on_it(proven, device, tmp_path, name, value, after)
 
 @pytest.mark.brute
 @pytest.mark.long
+@pytest.mark.parametrize("after", [4, 9, 12])
 @pytest.mark.parametrize("value", VALUES, ids=str)
 @pytest.mark.parametrize("name", REALS)
-def test_an_experiment_leaves_no_heater_on(proven, device, tmp_path, monkeypatch, name, value):
+def test_an_experiment_leaves_no_heater_on(proven, device, tmp_path, monkeypatch, name, value, after):
     clock = hasty_clock()
     monkeypatch.setattr(hold, "HOST", clock)
     for module in ("recorder", "poller"):
         monkeypatch.setattr(f"heatertune.live.{module}.time", SimpleNamespace(monotonic=clock.now_s, sleep=clock.sleep))
     struct.pack_into(">f", device.memory, REALS["Kp"], proven.words.values["Kp"])
-    attacked(device, name, value, 12)
+    attacked(device, name, value, after)
     address = address_of(f"modbus://127.0.0.1:{device.port}/1/0")
-    plan = Steps(steps=((0.0, 0.0), (1.0, 90.0), (3.0, 20.0)))
+    plan = Steps(steps=((0.0, 90.0), (1.0, 70.0), (3.0, 20.0)))
     whole = Experiment(plan, address, proven.words, AbortLimits(temperature_degC=80.0), timeout_s=0.5)
     whole.check()
-    ended = whole.run(tmp_path / "log.csv")
+    try:
+        ended = whole.run(tmp_path / "log.csv")
+    except HeatertuneError:
+        assert not device.writes
+        return
+    assert bytes(device.memory[BY_HAND]) == AUTOMATIC
     if ended.restored:
-        assert bytes(device.memory[BY_HAND]) == AUTOMATIC
         assert not whole.hold.path.exists()
     else:  # a read that shows another manual value for ever: nobody can see that it is back
+        assert ended.restored is None
         assert name == "ManualSetPoint" or value == "frozen"
-        assert ended.restored is None or ended.message
+        assert whole.hold.way_back() is not None
     if name == "Feedback" and isinstance(value, float):
         assert ended.reason == "sensor"

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from heatertune.errors import LogError, UnknownName
 from heatertune.log import read_log
-from heatertune.log.quantities import is_day_or_month
+from heatertune.log.timestamps import is_day_or_month
 
 ROWS = [(10.0 * k, 20.0 + 0.25 * k, 40.0 if k % 7 else 0.0) for k in range(30)]
 

@@ -48,7 +48,7 @@ def test_the_power_of_another_file_keeps_its_instants(way, tmp_path):
 
 
 @pytest.mark.parametrize(("powers", "options", "message"), [
-    ("time_s,power_pct\n9000,0\n9100,50\n", {}, "powers from another time"),
+    ("time_s,power_pct\n9000,0\n9100,50\n", {}, "a log from another time than the first one"),
     ("time_min,power_pct\n0,0\n3,50\n", {}, "expected --time-unit s, if both are in s"),
     ("time,power_pct\n2026-03-09 20:00:00,0\n2026-03-09 20:00:13,50\n", {}, "expected as '0'"),
     ("time_s,power_pct,output\n0,0,1\n13,50,2\n", {}, "several columns may be the power (power_pct, output)"),

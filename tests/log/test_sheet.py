@@ -94,13 +94,8 @@ def long_log(columns):
 def test_a_long_log_takes_twelve_times_its_size_and_little_more_time_than_its_cells(columns):
     content = long_log(columns)
     # a second on an idle machine, which a loop of the standard library over the same cells needs a third of or more
-    began = time.process_time()
-    plain = [[float(cell) for cell in row] for row in list(csv.reader(io.StringIO(content.decode())))[1:]]
-    beside_s = time.process_time() - began
-    del plain
-    began = time.process_time()
-    read_log("long.csv", content=content)
-    assert time.process_time() - began < 3.5 * beside_s
+    beside_s = least_s(lambda: [[float(cell) for cell in row] for row in list(csv.reader(io.StringIO(content.decode())))[1:]])
+    assert least_s(lambda: read_log("long.csv", content=content)) < 3.5 * beside_s
     tracemalloc.start()
     try:
         log = read_log("long.csv", content=content)
@@ -109,6 +104,16 @@ def test_a_long_log_takes_twelve_times_its_size_and_little_more_time_than_its_ce
         tracemalloc.stop()
     assert len(log.time_s) == 100_000
     assert most < 11 * len(content)  # the file itself is the twelfth
+
+
+def least_s(run):
+    """Return the least processor time of three runs: what else the machine does adds to it."""
+    times = []
+    for _ in range(3):
+        began = time.process_time()
+        run()
+        times.append(time.process_time() - began)
+    return min(times)
 
 
 def two_files(folder, damage):

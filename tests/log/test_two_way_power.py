@@ -97,3 +97,12 @@ def test_a_tag_of_a_cooler_is_not_passed_over():
     with pytest.raises(LogError, match=r"a tag of a cooler's power.*OutputCool.*--cooling-column none"):
         read_log("log.csv", content=content, power_tag="OutputHeat [%]")
     assert read_log("log.csv", content=content, power_tag="OutputHeat [%]", cooling_column="none").power_pct.max() == 50.0
+
+
+@pytest.mark.parametrize(("options", "flag"), [({"power_levels": (4, 20)}, "--power-levels"), ({"power_full_scale": 255}, "--power-full-scale")])
+def test_readings_that_are_stated_of_a_power_that_was_not_logged_are_refused(tmp_path, options, flag):
+    path = tmp_path / "log.csv"
+    path.write_text("time [s],temperature [°C]\n" + "".join(f"{k},{20 + 0.1 * k:.1f}\n" for k in range(60)), encoding="utf-8")
+    with pytest.raises(LogError, match=f"no column of the power, whose readings {flag} states"):
+        read_log(path, **options)
+    assert read_log(path).power_pct is None

@@ -305,3 +305,15 @@ def test_a_few_steps_up_to_a_hundred_are_no_evidence_of_percent(powers, assumed)
     rows = "\n".join(f"{2 * k},{25 + k / 10:.1f},{power}" for k, power in enumerate(powers))
     log = read_log("log.csv", content=f"time [s],Temp [°C],Output\n{rows}\n".encode())
     assert log.taken.assumed == ({"power": "--power-full-scale 100"} if assumed else {})
+
+
+def test_an_empty_cell_beside_the_stated_word_for_on_is_no_power_that_is_off(tmp_path):
+    path = tmp_path / "oven.csv"
+    words = ["kalt"] * 10 + ["glut"] * 20 + [""] + ["glut"] * 20 + ["kalt"] * 49  # the heater's state in row 31 is unknown
+    rows = [f"{5 * k},{20.0 + 0.2 * min(k, 50):.1f},{word}" for k, word in enumerate(words)]
+    path.write_text("\n".join(["time_s,temperature_C,heizung", *rows]) + "\n", encoding="utf-8")
+    log = read_log(path, ReadSettings(power_on="glut"))
+    assert len(log.time_s) == 99
+    assert 150.0 not in log.time_s
+    assert log.power_pct[29:31].tolist() == [100.0, 100.0]
+    assert "1 row without a power left out (line 32)." in log.repairs

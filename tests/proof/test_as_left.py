@@ -10,7 +10,7 @@ import pytest
 from heatertune import chain
 from heatertune.codec import decode, encode, plain
 from heatertune.errors import InputError
-from heatertune.log.log_values import Log
+from heatertune.log.log_values import Log, LogSignal
 from heatertune.model.model_values import Fopdt, model_by_hand
 from heatertune.pid.design_values import PidDesign
 from heatertune.proof.as_left import AsLeft, as_left
@@ -91,6 +91,22 @@ def test_the_same_heater_is_as_proven_and_its_figures_are_those_of_the_curve(pro
     assert lines["settling_time"].measured == pytest.approx(settled, abs=6.0)
     assert all(lines[name].as_proven for name in ("overshoot", "settling_time"))
     assert decode(AsLeft, json.loads(json.dumps(encode(found))), "as_left.json") == found
+
+
+def test_a_heat_up_begins_with_the_power_between_two_readings(proven):
+    # switched on at 60 s, as the power's own log says to the instant; the readings come every 7 s, of which none is at 60 s
+    time, temperature, power = loop(900.0)
+    readings_s = np.arange(0.0, 900.0, 7.0)
+    degC = np.where(readings_s < 60.0, ROOM, np.interp(readings_s - 60.0, time, temperature))
+    changed = np.concatenate([[True], np.diff(power) != 0.0])
+    switched = LogSignal(values=np.concatenate([[0.0], power[changed]]), time_s=np.concatenate([[0.0], 60.0 + time[changed]]))
+    log = Log(name="after.csv", source="a plain loop", signals={
+        "temperature": LogSignal(values=np.round(degC, 1), time_s=readings_s), "power": switched})
+    found = as_left(log, *proven)
+    assert (found.begins_by, found.begins_s, found.verdict) == ("power", 60.0, "AS PROVEN")
+    rows = as_left(Log(name="after.csv", source="a plain loop", time_s=readings_s, temperature_degC=np.round(degC, 1),
+                       power_pct=switched.at(readings_s)), *proven)
+    assert (rows.begins_by, rows.begins_s) == ("power", 63.0)  # of rows the first that shows the power
 
 
 @pytest.mark.long

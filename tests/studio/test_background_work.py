@@ -16,12 +16,15 @@ class Window:
     """A page that writes down what it was shown."""
 
     def __init__(self, work):
-        self.work, self.seen, self.progress = work, [], []
+        self.work, self.seen, self.progress, self.drawn = work, [], [], []
         work.follow(self)
 
     def show(self):
         session = self.work.session
         self.seen.append((session.settings.ms, session.verdict, session.is_computing, session.number))
+
+    def show_loop(self, look):
+        self.drawn.append((look.settings.ms, len(self.seen)))
 
     def show_progress(self):
         self.progress.append(self.work.proving)
@@ -63,6 +66,57 @@ def test_no_verdict_is_shown_beside_settings_it_was_not_found_for(work):
     for _, verdict, computing, _ in window.seen:
         assert computing == (verdict == "proving…")
     assert window.seen[-1][:2] == (1.5, "PASS")
+
+
+def test_a_slider_that_moves_on_shows_the_loops_on_its_way_each_before_what_is_told_of_it(work, monkeypatch):
+    def look_and_move(fitted, settings, gains):
+        if settings.ms != 1.7:
+            loops.call_soon_threadsafe(lambda: work.move(ms=round(settings.ms + 0.1, 1)))
+        return loop.first_look(fitted, settings, gains)
+
+    async def story():
+        nonlocal loops
+        loops, window = asyncio.get_running_loop(), Window(work)
+        monkeypatch.setattr(module, "first_look", look_and_move)
+        work.move(ms=1.5)
+        await work.look()
+        return window
+
+    loops = None
+    window = asyncio.run(story())
+    assert [ms for ms, _ in window.drawn] == [1.5, 1.6, 1.7]
+    told = next(place for place, state in enumerate(window.seen) if state[:2] == (1.7, "PASS"))
+    assert window.drawn[-1][1] <= told, "drawn first"
+
+
+def test_a_proof_that_nobody_waits_for_ends_with_the_move_and_not_with_the_next_tick(work, monkeypatch):
+    begun, given_up, left = threading.Event(), threading.Event(), []
+
+    def prove(fitted, look, tell):
+        if look.settings.ms != 1.4:
+            return loop.full_proof(fitted, look, tell)
+        begun.set()
+        try:
+            while not given_up.is_set():
+                tell("1 of 18 runs")
+        finally:
+            left.append(look.settings.ms)
+
+    async def story():
+        monkeypatch.setattr(module, "full_proof", prove)
+        work.move(ms=1.4)
+        background = asyncio.ensure_future(work.look())
+        await asyncio.to_thread(begun.wait)
+        monkeypatch.setattr(module, "_TICK_S", 3600.0)
+        await asyncio.sleep(0.02)  # so that it waits for a tick that is an hour away
+        work.move(ms=1.6)
+        try:
+            await asyncio.wait_for(asyncio.gather(background, work.look()), 300.0)
+        finally:
+            given_up.set()
+
+    asyncio.run(story())
+    assert (left, work.session.verdict) == ([1.4], "PASS")
 
 
 def test_a_download_is_of_the_design_that_stands_beside_its_button_or_refused(work):

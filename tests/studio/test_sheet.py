@@ -90,6 +90,16 @@ def test_what_the_file_does_not_say_is_assumed_in_sight_and_told():
     assert change_sheet(dropped(), "power_pct", 0, "40").log.power_pct[0] == 0.0  # a logged power is believed
 
 
+def test_the_largest_power_of_a_log_without_power_is_stated_in_sight_and_forgotten_where_power_is_known():
+    found = change_sheet(change_sheet(dropped(), "column", 2, IGNORED), "largest_power_pct", 0, "70")
+    assert "% largest power in this log" in sheet(found)
+    assert found.to_log()[1] == FitSettings(largest_power_pct=70.0)
+    powered = change_sheet(found, "column", 2, "power")
+    assert "largest power" not in sheet(powered)
+    assert powered.to_log()[1] == FitSettings()
+    assert "must be <= 100" in change_sheet(found, "largest_power_pct", 0, "140").problem
+
+
 @pytest.mark.parametrize(("change", "value", "told"), [
     ("ambient_degC", "warm", "'warm' is no number"), ("power_pct", "140", "must be <= 100"),
     ("skip_rows", "1.5", "no whole number"), ("skip_rows", "-1", "must be >= 0"), ("power_full_scale", "0", "must be > 0"),

@@ -19,17 +19,17 @@ from heatertune.codec import to_json
 from heatertune.model.model_values import model_by_hand
 from heatertune.pid.design_document import to_document
 
-PROVEN = """() => !document.documentElement.classList.contains('stale')
+PROVEN = """() => !document.documentElement.hasAttribute('data-stale')
   && /^(PASS|FAIL|NOT PROVEN)/.test(document.querySelector('[data-field=verdict]').textContent)"""
 #: every 50 ms, in one breath: the controller that is chosen, whether the page is grey, the banner, and what it shows words of
 WATCH = """() => { window.seen = []; const look = () => window.seen.push([
-  document.querySelector('input[aria-label=Controller]').value, document.documentElement.classList.contains('stale'),
+  document.querySelector('input[aria-label=Controller]').value, document.documentElement.hasAttribute('data-stale'),
   document.querySelector('[data-field=verdict]').textContent, document.querySelector('[data-field=words]').textContent]);
   look(); window.watching = setInterval(look, 50); }"""
 #: moves the slider as a hand does and tells whether the page is grey when that event is done
 MOVED = """(value) => { const slider = document.querySelector('input[data-field=ms]'); slider.value = value;
   slider.dispatchEvent(new Event('input', {bubbles: true}));
-  return document.documentElement.classList.contains('stale'); }"""
+  return document.documentElement.hasAttribute('data-stale'); }"""
 
 #: whether the server has heard of every move; what a page has not sent by then is gone with it when it is loaded again
 HEARD = "() => Number(document.querySelector('[data-heard]').dataset.heard) >= studio.moves"

@@ -277,7 +277,7 @@ def test_one_sentence_says_what_the_loop_does(look, proof):
     worst = {criterion.name: criterion.value for criterion in proof.criteria}
     told = views.sentence(proof, "ssr")
     assert told.startswith(f"Settles in {worst['settling_time'] / 60.0:.0f} min, overshoots {worst['overshoot']:.2g} % at worst")
-    assert told.endswith(f"{worst['switchings']:.0f} clicks an hour (SSR).")
+    assert told.endswith(f"{worst['switchings']:.0f} switchings an hour (SSR).")
     assert "(contactor, which lasts " in views.sentence(proof, "contactor")
     assert "nominal run" in views.sentence(look.proof, "ssr")
 

@@ -12,6 +12,7 @@ from heatertune.plc.cpu.s5.machine import S5Cpu
 from heatertune.plc.cpu.s7_300.machine import S7300Cpu
 from heatertune.plc.s5_ob251.step import COLD, Ob251Assumptions, step
 from heatertune.plc.s5_ob251.words import parameters_of
+from heatertune.settings import Conditions
 from heatertune.zones import design_zones, network_by_hand, prove_zones
 from heatertune.zones.joint_loop import ZoneEvent, ZoneLoop, run_zones
 from heatertune.zones.zone_export import export_zones
@@ -126,6 +127,34 @@ def test_staggered_periods_are_refused_where_the_program_begins_them_all_at_once
     proof = proofs["s5-ob251"]
     with pytest.raises(InputError, match="take --target s7-300"):
         export_zones(prove_zones(proof.design, proof.fitted, replace(proof.specification, staggered=True)))
+
+
+@pytest.mark.long
+def test_the_program_follows_the_open_points_that_the_user_knows(proofs):
+    """One that was proven with what OB251 has kept must not clear it at a start-up."""
+    proof, known = proofs["s5-ob251"], {"start_up": "retained"}
+    again = prove_zones(proof.design, proof.fitted, proof.specification, Conditions(switches=known), up_to_failure=True)
+    listing = str(export_zones(again)["program_listing.txt"])
+    assert listing.count("start-up: OB251 goes on with what DW18 to DW48 have kept") == 3
+    assert "OB251 off: it clears" not in listing
+    assert str(export_zones(proof)["program_listing.txt"]).count("OB251 off: it clears") == 3
+
+
+@pytest.mark.long
+def test_each_zone_of_a_printer_is_a_section_of_its_own():
+    network = replace(chain(2, 0.05, gain=1.5, lag=300.0), zones=("heater_bed", "chamber"))
+    files = export_zones(design_zones(network_by_hand(network), "klipper", 60.0))
+    assert "\n[heater_bed]\n" in str(files["zone1_heater_bed/klipper_heater.cfg"])
+    assert "\n[YOUR_HEATER]\n" in str(files["zone2_chamber/klipper_heater.cfg"])  # no heater of Klipper has this name
+
+
+@pytest.mark.parametrize(("options", "told"), [
+    (["--target", "weg", "--rated-power", "2,2", "--peak-power", "3"], "take --target s7-300"),
+    (["--target", "s5-ob251", "--stagger"], "take --target s7-300"),
+    (["--target", "s7-300", "--peak-power", "3"], "--rated-power")])
+def test_what_no_program_can_do_is_refused_before_the_log_is_read(tmp_path, capsys, options, told):
+    assert main(["design", str(tmp_path / "none.csv"), "--zones", "a,b", "--setpoint", "50", *options]) == 2
+    assert told in capsys.readouterr().err
 
 
 def test_what_did_not_pass_is_exported_only_by_force(proofs):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import StateSpace, lsim
 
-from heatertune.errors import InputError, OutOfRange
+from heatertune.errors import InputError, LogError, OutOfRange
 from heatertune.zones import fit_network, read_zones
 from heatertune.zones.identify import ZoneLog
 from heatertune.zones.network import ThermalNetwork, ZonePower, neighbours, simulate_network
@@ -50,6 +50,25 @@ def test_couplings_lie_in_their_intervals():
             inside += interval.low <= network.exchange[zone, other] <= interval.high
     # by hand 1,000 couplings: tests.bench.networks; of 48, fewer than 42 happen by chance once in 100 times at 95 %
     assert inside >= 42, f"{inside} of {total}"
+
+
+@pytest.mark.long
+def test_heat_that_is_exchanged_before_the_lag_of_the_sensors_is_found():
+    """Two heaters of 20 s that exchange heat, each behind a sensor of 140 s, by SciPy's state space."""
+    time = np.arange(0.0, 3900.0, 3.0)
+    powers = np.column_stack([np.select([time < 60, time < 900, time < 3000], [0.0, 50.0, 20.0], 60.0),
+                              np.select([time < 1500, time < 2400, time < 3000], [0.0, 70.0, 30.0], 80.0)])
+    states = np.array([[-1.2 / 20, 0.2 / 20, 0, 0], [0.2 / 20, -1.2 / 20, 0, 0], [1 / 140, 0, -1 / 140, 0], [0, 1 / 140, 0, -1 / 140]])
+    inputs = np.array([[0.7 / 20, 0], [0, 0.35 / 20], [0, 0], [0, 0]])
+    _, rise, _ = lsim(StateSpace(states, inputs, np.eye(4)[2:], np.zeros((2, 2))), powers, time, interp=False)
+    readings = np.round(21.0 + rise + np.random.default_rng(5).normal(0.0, 0.05, rise.shape), 2)
+    found = fit_network(ZoneLog(name="twin", zones=("a", "b"), time_s=time, temperatures_degC=readings, powers_pct=powers))
+    network = found.network
+    assert not found.findings, found.findings
+    assert network.gains_degC_per_pct == pytest.approx((0.7, 0.35), rel=0.01)
+    assert (network.exchange[0, 1], network.exchange[1, 0]) == pytest.approx((0.2, 0.2), rel=0.02)
+    assert network.time_constants_s == pytest.approx((20.0, 20.0), abs=3.0)  # a row: within it, nobody knows when the power changed
+    assert network.second_time_constants_s == pytest.approx((140.0, 140.0), rel=0.02)
 
 
 def test_zones_without_exchange_are_shown_to_have_none():
@@ -109,12 +128,63 @@ def test_files_of_each_zone_need_one_clock(tmp_path):
 
     write(0, 0.0)
     write(1, 0.0)
-    np.testing.assert_allclose(read_zones(paths, ["a", "b"]).temperatures_degC, readings)
-    write(1, 0.3)
-    with pytest.raises(InputError, match="log all zones at the same instants"):
+    log = read_zones(paths, ["a", "b"])
+    np.testing.assert_allclose(log.temperatures_degC, readings)
+    assert [finding.name for finding in log.findings] == ["one-clock"]
+    write(1, 0.3)  # its readings lie between those of the other
+    later = np.interp(time, time + 0.3, readings[:, 1])[1:]
+    np.testing.assert_allclose(read_zones(paths, ["a", "b"]).temperatures_degC[:, 1], later)
+    write(1, 1500.0)
+    with pytest.raises(InputError, match="give logs of the same hours"):
+        read_zones(paths, ["a", "b"])
+    write(1, 90_000.0)
+    with pytest.raises(LogError, match="from another time"):
         read_zones(paths, ["a", "b"])
     with pytest.raises(InputError, match="2 logs for 3 zones"):
         read_zones(paths, ["a", "b", "c"])
+
+
+@pytest.mark.long
+def test_files_of_each_zone_that_begin_at_other_times_of_day_are_put_on_one_clock(tmp_path):
+    """Each file counted from its own first row would pair readings that are five minutes apart."""
+    network = chain(2, 1.0)
+    time, readings, powers = logged(network, steps(2, 6000), 1.0, 1, np.random.default_rng(4), 0.03)
+    paths = [tmp_path / "a.csv", tmp_path / "b.csv"]
+    for zone, (path, rows) in enumerate(zip(paths, (slice(0, None, 5), slice(303, None, 5)), strict=True)):
+        stamps = (np.datetime64("2026-03-02T10:00:00") + time.astype(int)[rows]).astype(str)
+        lines = [f"{at},{degC:.2f},{power:.0f}" for at, degC, power in zip(stamps, readings[rows, zone], powers[rows, zone], strict=True)]
+        path.write_text("\n".join(["time,temperature [degC],power [%]", *lines]) + "\n", encoding="utf-8")
+    log = read_zones(paths, ["a", "b"])
+    assert any("interpolated" in repair for repair in log.repairs)
+    assert not any(finding.name == "one-clock" for finding in log.findings)
+    found = fit_network(log).ci95
+    for name, value in (("exchange a-b", 1.0), ("exchange b-a", 1.0), ("time_constant_s b", 240.0), ("gain_degC_per_pct a", 1.2)):
+        assert found[name].low - 1e-2 * value <= value <= found[name].high + 1e-2 * value, (name, found[name])
+
+
+def test_a_file_with_dates_and_one_with_seconds_have_no_clock_in_common(tmp_path):
+    time, readings, powers = logged(chain(2, 1.0), steps(2, 400), 1.0, 4)
+    rows = list(zip(time, readings[:, 0], powers[:, 0], strict=True))
+    (tmp_path / "a.csv").write_text("time_s,temp_degC,power_pct\n" + "\n".join(f"{t:g},{y:.2f},{u:g}" for t, y, u in rows))
+    begin = np.datetime64("2026-03-02T10:00:00")
+    (tmp_path / "b.csv").write_text("time,temp_degC,power_pct\n" + "\n".join(f"{begin + int(t)},{y:.2f},{u:g}" for t, y, u in rows))
+    with pytest.raises(LogError, match="cannot be compared"):
+        read_zones([tmp_path / "a.csv", tmp_path / "b.csv"], ["a", "b"])
+
+
+def test_the_heaters_of_a_printers_log_are_zones(tmp_path):
+    """Stats lines as Klipper writes them: `heater: target= temp= pwm=`, all heaters in one line a second."""
+    time, readings, powers = logged(chain(2, 0.5), steps(2, 1500), 1.0, 1)
+    path = tmp_path / "klippy.log"
+    path.write_text("".join(
+        f"Stats {100.0 + t:.1f}: gcodein=0  heater_bed: target=0 temp={bed:.1f} pwm={0.01 * bed_pct:.3f} sysload=0.3 "
+        f"extruder: target=0 temp={hot:.1f} pwm={0.01 * hot_pct:.3f}\n"
+        for t, (bed, hot), (bed_pct, hot_pct) in zip(time, readings, powers, strict=True)), encoding="utf-8")
+    log = read_zones(path, ["extruder", "bed"])
+    np.testing.assert_allclose(log.temperatures_degC, readings[:, ::-1], atol=0.051)
+    np.testing.assert_allclose(log.powers_pct, powers[:, ::-1], atol=0.051)
+    with pytest.raises(InputError, match="name zones as heater_bed, extruder"):
+        read_zones(path, ["extruder", "chamber"])
 
 
 def test_power_that_is_logged_a_row_late_biases_nothing():

@@ -7,6 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
+from heatertune.model.findings import Finding
 from heatertune.model.model_values import Fopdt
 from heatertune.pid.design_values import PidDesign
 from heatertune.pid.sampled_loop import margins
@@ -16,6 +17,7 @@ from heatertune.proof.prove_words import actuator_for
 from heatertune.proof.specification import preset
 from heatertune.settings import Conditions
 from heatertune.zones import design_zones, network_by_hand
+from heatertune.zones.command import to_document
 from heatertune.zones.joint_loop import ZoneEvent, ZoneLoop, run_zones
 from heatertune.zones.joint_proof import offsets_for, prove_zones, specification_for
 from heatertune.zones.joint_tuning import JointDesign, closed_loop_radius, joint_sensitivity, sensitivity_alone
@@ -157,6 +159,43 @@ def test_a_finding_blocks_until_it_is_accepted_and_its_remedy_is_one_for_zones()
     assert proof.verdict == "NOT PROVEN"
     assert "(--zone-setpoints), or --accept beyond-the-log" in proof.summary()
     assert prove_zones(design, fitted, spec, Conditions(accept=("beyond-the-log",))).verdict == "PASS"
+
+
+def test_a_verdict_on_files_without_dates_assumes_one_clock():
+    network = chain(2, 1.0)
+    finding = Finding(name="one-clock", message="the files have no dates; their times are taken from one clock")
+    fitted = replace(network_by_hand(network), findings=(finding,))
+    proof = prove_zones(separate((5.0,) * 2, (60.0,) * 2), fitted, specification_for(fitted, 60.0, Conditions()))
+    assumed = "assumed: the files of the zones without dates begin at the same instant"
+    assert proof.verdict == "PASS"
+    assert assumed in proof.summary().splitlines()
+    assert assumed in proof.certificate().lines
+    assert [each["name"] for each in to_document(proof)["findings"]] == ["one-clock"]
+
+
+def test_the_ripple_between_scans_counts():
+    """A PWM period of one scan shows each scan the same instant of its ripple; a solver sees it all."""
+    network, design = chain(2, 2.0, gain=1.8, lag=150.0), separate((2.0,) * 2, (60.0,) * 2)
+    loop = ZoneLoop(words=design.words, actuator=actuator_for(Conditions(pwm_period_s=4.0), design.words[0]))
+    events = [event for zone in range(2) for event in (ZoneEvent(0.0, "setpoint", zone, 80.0), ZoneEvent(0.0, "on", zone))]
+    trace = run_zones(loop, network, events, 3000.0)
+    rest = trace.time_s > 2500.0
+    duty = float(np.mean([end - begin for _, begin, end in trace.pulses if begin > 2500.0])) / 4.0
+    on, off = duty * 4.0 * 5.0 / 150.0, (1.0 - duty) * 4.0 * 5.0 / 150.0  # zones of opposite phase: rate 1 + 2·c
+    ripple = 180.0 / 5.0 * np.expm1(-on) * np.expm1(-off) / -np.expm1(-on - off)
+    alike = 180.0 * np.expm1(-on / 5.0) * np.expm1(-off / 5.0) / -np.expm1(-(on + off) / 5.0)
+    seen = (trace.highest_degC - trace.lowest_degC)[rest].max()
+    assert min(ripple, alike) * 0.95 < seen < max(ripple, alike) * 1.05
+    assert np.ptp(trace.temperatures_degC[rest], axis=0).max() < 0.2 * seen
+
+
+def test_the_pwm_period_is_short_where_the_ripple_would_be_large():
+    network = chain(2, 2.0, gain=1.8, lag=150.0)
+    fitted, design = network_by_hand(network), separate((2.0,) * 2, (60.0,) * 2)
+    spec = specification_for(fitted, 80.0, Conditions())
+    assert prove_zones(design, fitted, spec, up_to_failure=True).actuator.pwm_period_s == 1.0
+    stated = prove_zones(design, fitted, spec, Conditions(pwm_period_s=4.0), up_to_failure=True)
+    assert stated.actuator.pwm_period_s == 4.0
 
 
 def test_general_limits_are_used():

@@ -240,7 +240,7 @@ def _asked(request: DesignRequest, loop: LoopEntry, words: Words | None) -> Desi
 
 
 def _told(diagnosis: Diagnosis) -> Row:
-    heater = None if diagnosis.fitted_model is None else diagnosis.fitted_model.model
+    fitted = diagnosis.fitted_model
     return {
         "outcome": diagnosis.cause.label, "reason": diagnosis.faults[0].message if diagnosis.faults else None,
         "also": "; ".join(found.message for found in diagnosis.faults[1:]) or None, "excess": float(diagnosis.excess),
@@ -250,8 +250,7 @@ def _told(diagnosis: Diagnosis) -> Row:
         "switchings_per_h": diagnosis.switchings_per_h, "pwm_period_s": diagnosis.pwm_period_s,
         "switch_ticks": diagnosis.switch_ticks, "hours": diagnosis.course.hours,
         "loads": len(diagnosis.loads), "course": json.dumps(_course(diagnosis)),
-        "fit_pct": None if diagnosis.fitted_model is None else diagnosis.fitted_model.fit_pct,
-        **({} if heater is None else asdict(heater)),
+        **({"fit_pct": None} if fitted is None else {"fit_pct": fitted.fit_pct, **asdict(fitted.model)}),
         **({} if diagnosis.cooling is None else {_COOLING: diagnosis.cooling.fraction}),
     }
 

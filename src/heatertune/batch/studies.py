@@ -20,7 +20,8 @@ from heatertune.log import read_log
 from heatertune.log.log_values import BUILT_IN
 from heatertune.model.model_document import SCHEMA as MODEL_SCHEMA
 from heatertune.model.model_document import from_document
-from heatertune.model.model_values import FittedModel, Fopdt, TwoLag, model_by_hand
+from heatertune.model.model_values import FittedModel, TwoLag, model_by_hand
+from heatertune.model.two_scales import heater_of_numbers
 from heatertune.options import Option, options_of
 from heatertune.pid.tune import METHODS
 from heatertune.plc import NAMES, Scaling, controller_for
@@ -53,6 +54,7 @@ KEYS: Final[Mapping[str, Option]] = {
     "gain_degC_per_pct": _key(float, "process gain of a model given by its parameters", unit="°C/%"),
     "time_constant_s": _key(float, "its time constant", unit="s"),
     "second_time_constant_s": _key(float, "its second time constant", unit="s"),
+    "zero_s": _key(float, "time of its zero, between both time constants", unit="s"),
     "dead_time_s": _key(float, "its dead time", unit="s"),
     **_keys(FitSettings),
     "target": _key(str, "the controller", choices=tuple(NAMES)),
@@ -72,7 +74,8 @@ _SOURCES: Final = ("log", "model", "gain_degC_per_pct")
 _BY_HAND: Final = ("gain_degC_per_pct", "time_constant_s", "dead_time_s")
 #: key → the one without which it means nothing
 _NEEDS: Final = {
-    "second_time_constant_s": "gain_degC_per_pct", "time_constant_s": "gain_degC_per_pct",
+    "second_time_constant_s": "gain_degC_per_pct", "zero_s": "second_time_constant_s",
+    "time_constant_s": "gain_degC_per_pct",
     "dead_time_s": "gain_degC_per_pct", **{name: "log" for name in _keys(FitSettings) if name != "ambient_degC"},
     **{name: its.needs for name, its in options_of(Conditions).items() if its.needs},
 }
@@ -373,9 +376,8 @@ def _heater(case: Case) -> FittedModel:
         return from_document(case.content)
     if "log" in settings:
         return _fitted(settings["log"], case.content, _of(FitSettings, settings))
-    plant = {field.name: settings[field.name] for field in fields(Fopdt) if field.name in settings}
-    second = settings.get("second_time_constant_s")
-    return model_by_hand(Fopdt(**plant) if second is None else TwoLag(**plant, second_time_constant_s=second))
+    numbers = (*(field.name for field in fields(TwoLag)), "zero_s")
+    return model_by_hand(heater_of_numbers(**{name: settings[name] for name in numbers if name in settings}))
 
 
 @lru_cache(maxsize=16)

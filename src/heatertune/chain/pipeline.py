@@ -38,16 +38,16 @@ from heatertune.pid.design_document import DesignProvenance
 from heatertune.pid.design_values import PidDesign
 from heatertune.pid.sampled_loop import margins
 from heatertune.pid.tune import stated_problem
-from heatertune.plc import Scaling, Words, controller_for
+from heatertune.plc import Words, controller_for
 from heatertune.plc.design import loop_fit, stated_scaling
 from heatertune.plc.feed_forward import feed_forward as line_for
-from heatertune.plc.targets import GROUPS, TARGETS, target_named
+from heatertune.plc.targets import TARGETS, target_named
 from heatertune.plc.word_selection import search_document
 from heatertune.processors import ProgressCallback, log_progress
 from heatertune.proof import Proof
 from heatertune.proof.as_left import AS_LEFT_SCHEMA, AsLeft, as_left
 from heatertune.proof.comparison import paper_runs, price_of_doubt, rivals
-from heatertune.proof.design_request import DesignRequest, DesignResult
+from heatertune.proof.design_request import DesignRequest, DesignResult, with_printer_range
 from heatertune.proof.difference import WRITTEN_SCHEMA, WriteHistory
 from heatertune.proof.feed_forward_check import FeedForwardProof, PlainLoop, prove_feed_forward
 from heatertune.proof.folder_digest import DIGEST_FILE, demand_one_design, folder_digest
@@ -269,7 +269,8 @@ def design(
     controller_for(request.target)  # an unknown target is refused before the long part
     with work_alongside(request.target) if begun is None else nullcontext(begun) as second:
         log = source if isinstance(source, Log) else read_log(source, read, errata=True)
-        request = _of_its_printer(_of_its_heater(request, log), log)
+        columns = [each for each in (log.temperature_degC, log.setpoint_degC) if each is not None]
+        request = with_printer_range(_of_its_heater(request, log), max(float(np.max(each)) for each in columns))
         progress(_told("fit"))
         fitted = fit(log, fitted_with, companions=True, progress=progress)
         fitted = for_setpoints(fitted, every_setpoint(fitted, request.conditions))
@@ -332,21 +333,6 @@ def _requested(request: DesignRequest | None, keywords: Keywords) -> DesignReque
         tune_settings=merge_options(TuneSettings, None, tuning), conditions=merge_options(Conditions, None, proving),
         interval_by_words=own["interval_by_words"], sample_settings=own["sample_settings"] or SampleSettings(),
         **wording)
-
-
-#: of a printer whose log goes above the default range: HEATER_0_MAXTEMP of Marlin and max_temp of Klipper's examples
-#: are 250 to 300 °C
-_PRINTER_DEGC: Final = (0.0, 300.0)
-
-
-def _of_its_printer(request: DesignRequest, log: Log) -> DesignRequest:
-    """Return the request with the sensor range of a printer, where none is stated and the default one is too narrow."""
-    columns = [each for each in (log.temperature_degC, log.setpoint_degC) if each is not None]
-    hottest = max(float(np.max(each)) for each in columns)
-    if request.target not in GROUPS["printer"] or request.scaling is not None or hottest < Scaling().high_degC:
-        return request
-    low, high = _PRINTER_DEGC
-    return replace(request, scaling=Scaling(low_degC=low, high_degC=high))
 
 
 def _of_its_heater(request: DesignRequest, log: Log) -> DesignRequest:

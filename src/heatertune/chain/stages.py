@@ -13,8 +13,8 @@ from heatertune.log import read_log
 from heatertune.log.log_values import Log
 from heatertune.log.read import log_of
 from heatertune.model import model_document
+from heatertune.model.circumstances import pool_candidates
 from heatertune.model.model_values import FittedModel
-from heatertune.model.temperature.fit_temperature import pool_candidates
 from heatertune.options import Keywords, merge_options, split_options, with_options
 from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Scaling, Words, controller_for
@@ -174,7 +174,8 @@ def _columns(log: Log) -> dict[str, Any]:
     taken = None if log.taken is None else (
         log.taken.line, log.taken.repaired_share, sorted(log.taken.stated), dict(log.taken.assumed),
         log.taken.moving_heaters)
-    return {"name": log.name, "rests_at_degC": log.rests_at_degC, "taken": taken} | signals
+    return {"name": log.name, "rests_at_degC": log.rests_at_degC, "output_limit_pct": log.output_limit_pct,
+            "taken": taken} | signals
 
 
 def _kept(stage: str, inputs: Mapping[str, Any], run: Callable[[], FittedModel],

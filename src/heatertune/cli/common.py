@@ -294,6 +294,8 @@ def add_model_options(command: argparse.ArgumentParser) -> None:
                        help="temperature rise per percent of power [°C/%%]; negative for a cooler")
     group.add_argument("--time-constant", type=float, metavar="S", help="time constant [s]")
     group.add_argument("--second-time-constant", type=float, metavar="S", help="second time constant, if any [s]")
+    group.add_argument("--zero", type=float, metavar="S", help="time of the zero, where a fast element heats a slow "
+                       "mass: between the second time constant and the first [s]")
     group.add_argument("--dead-time", type=float, metavar="S", help="dead time [s]")
     group.add_argument("--ambient", type=float, metavar="°C", help="ambient temperature, reached without power [°C]")
 
@@ -489,11 +491,8 @@ def model_from(settings: argparse.Namespace, path: str | None) -> FittedModel:
         InputError: both or neither are given, or a number of the hand-given model is missing.
     """
     from heatertune.model.model_document import read_model
-    from heatertune.model.model_values import (
-        Fopdt,
-        TwoLag,
-        model_by_hand,
-    )
+    from heatertune.model.model_values import model_by_hand
+    from heatertune.model.two_scales import heater_of_numbers
 
     names = ("gain", "time_constant", "dead_time")
     numbers = _given(settings, *names)
@@ -504,10 +503,6 @@ def model_from(settings: argparse.Namespace, path: str | None) -> FittedModel:
     missing = [f"--{name.replace('_', '-')}" for name in names if name not in numbers]
     if missing:
         raise InputError(f"no model: name a model file, or add {', '.join(missing)}")
-    plant = {
-        "gain_degC_per_pct": settings.gain, "time_constant_s": settings.time_constant,
-        "dead_time_s": settings.dead_time, "ambient_degC": settings.ambient,
-    }
-    if settings.second_time_constant is None:
-        return model_by_hand(Fopdt(**plant))
-    return model_by_hand(TwoLag(**plant, second_time_constant_s=settings.second_time_constant))
+    return model_by_hand(heater_of_numbers(
+        gain_degC_per_pct=settings.gain, time_constant_s=settings.time_constant, dead_time_s=settings.dead_time,
+        second_time_constant_s=settings.second_time_constant, zero_s=settings.zero, ambient_degC=settings.ambient))

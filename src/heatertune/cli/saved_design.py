@@ -69,7 +69,7 @@ def known_words(settings: argparse.Namespace, logs: Sequence[Log]) -> Words | No
 
 #: an option in what was found to pass when a design was made
 _OPTION: Final = re.compile(r"(--[a-z][a-z-]*) ([^\s,;:]+)")
-_BY_HAND: Final = ("gain", "time_constant", "second_time_constant", "dead_time", "ambient")
+_BY_HAND: Final = ("gain", "time_constant", "second_time_constant", "zero", "dead_time", "ambient")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

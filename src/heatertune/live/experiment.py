@@ -10,6 +10,7 @@ PLC finds the saved values: see `heatertune.live.hold`.
 from __future__ import annotations
 
 import math
+import struct
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -21,7 +22,7 @@ from typing import Final
 from heatertune.errors import HeatertuneError, InputError, LinkError
 from heatertune.live.client.connection import Address, Client, connect, told_by
 from heatertune.live.controller_block import SERVED, ServedBlock, block_for, places_of
-from heatertune.live.hold import Hold, WayBack, WayBackPart, new_way_back
+from heatertune.live.hold import Hold, WayBack, WayBackPart, is_number, new_way_back
 from heatertune.live.poller import Snapshot, StillSensor
 from heatertune.live.recorder import RecordingSetup, RecordingState, record
 from heatertune.live.schedule import RATE_ROWS, AbortLimits, Aims, RelaySchedule, Steps
@@ -43,6 +44,7 @@ class ManualMode:
         address: of the PLC.
         block: of the controller, as heatertune knows it.
         place: number of the block, first byte of the cells, and how many they are.
+        real: byte of the cells at which the power begins, a REAL; None: it is a whole number.
     """
 
     def __init__(self, address: Address, words: Words, timeout_s: float) -> None:
@@ -64,6 +66,8 @@ class ManualMode:
         start, put = self.block.put_in_manual(self._image, 0.0)
         said = address.block if address.protocol == "s7" else None
         self.place = self.block.number if said is None else said, start, len(put)
+        at = self.block.put_in_manual(self._image, _PROBE_PCT)[1].find(struct.pack(">f", _PROBE_PCT))
+        self.real = None if at < 0 else at
 
     def open_client(self) -> Client:
         """Return a new connection; errors as `heatertune.live.client.connection.connect`."""
@@ -100,6 +104,8 @@ class ManualMode:
 
 
 _SAME_PCT: Final = 1e-6
+#: a power whose bytes show where the cells hold it
+_PROBE_PCT: Final = 25.0
 #: as what a change of mode and power is counted
 _MANUAL: Final = "manual"
 #: so long nobody may look [s], however busy the machine is
@@ -299,7 +305,7 @@ class Experiment:
     def _way_back(self, before: bytes, log: str | Path) -> WayBack:
         number, start, _ = self.mode.place
         puts = {self.mode.by_hand(before, power) for power in self.plan.powers}
-        part = WayBackPart(start, before, puts | set(map(self.mode.after_dead_man, puts)))
+        part = WayBackPart(start, before, puts | set(map(self.mode.after_dead_man, puts)), self.mode.real)
         return new_way_back("experiment", self.mode.address, number, [part], log, max(self.plan.powers))
 
 
@@ -393,8 +399,9 @@ class _Hand:
     def _set(self, power: float) -> None:
         """Put a power, where what stands there is what was put before; nobody else's change is undone."""
         mode, client = self._whole.mode, self._asked()
-        if mode.cells(client) != self._put:
-            self.end("hand", "somebody else has changed the mode or the manual value, or the PLC's dead man has")
+        if (found := mode.cells(client)) != self._put:
+            self.end("hand", "somebody else has changed the mode or the manual value, or the PLC's dead man has"
+                     if is_number(found, mode.real) else "the manual value in the PLC is not a number")
         elif power != self._power:
             before, self._put = self._put, mode.by_hand(self._before, power)
             self._send(client, power, before)

@@ -21,6 +21,7 @@ import math
 import os
 import shlex
 import socket
+import struct
 import time
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager, suppress
@@ -35,11 +36,11 @@ from heatertune import writing as files
 from heatertune.batch.engine import hold_lock
 from heatertune.codec import read_document
 from heatertune.errors import DocumentError, InputError, LinkDown, LinkError, PlcRefused
-from heatertune.live.client.connection import Address, address_of, connect
+from heatertune.live.client.connection import Address, Client, address_of, connect
 from heatertune.writing import write_files
 
-__all__ = ["HOST", "LATE_S", "RETRY_S", "WAY_BACK_SCHEMA", "Clock", "Hold", "WayBack", "WayBackPart", "new_way_back",
-           "state_folder", "utc_now", "where_of"]
+__all__ = ["HOST", "LATE_S", "RETRY_S", "WAY_BACK_SCHEMA", "Clock", "Hold", "WayBack", "WayBackPart", "is_number",
+           "new_way_back", "state_folder", "utc_now", "where_of"]
 
 #: so long after it was sent a request may still arrive [s]: a reset stops the system's own retries, no gateway's
 LATE_S = 60.0
@@ -49,6 +50,7 @@ RETRY_S = 60.0
 _PAUSES_S: Final = (0.0, 0.2, 0.5, 1.0, 2.0)
 
 WAY_BACK_SCHEMA: Final = "heatertune/way-back/2"
+_REAL: Final = struct.Struct(">f")
 _NOT_WHOLE: Final = "as511"  # two words that are written together may reach the CPU apart
 
 
@@ -90,6 +92,11 @@ def state_folder() -> Path:
     return folder
 
 
+def is_number(cells: bytes, real: int | None) -> bool:
+    """Return whether the big-endian REAL that begins at a byte of cells is a number; None: they hold no REAL."""
+    return real is None or math.isfinite(_REAL.unpack_from(cells, real)[0])
+
+
 class WayBackPart(NamedTuple):
     """Bytes that one request changes.
 
@@ -97,14 +104,21 @@ class WayBackPart(NamedTuple):
         start: the first of them in the block.
         before: as they were.
         own: what the command, or the PLC's dead man after it, may have left there.
+        real: first byte of a big-endian REAL within them; None: there is none.
     """
 
     start: int
     before: bytes
     own: Collection[bytes]
+    real: int | None = None
 
     def owns(self, cells: bytes, protocol: str) -> bool:
-        """Return whether bytes are as they were before, or as the command or the dead man may have left them."""
+        """Return whether bytes are as they were before, or as the command or the dead man may have left them.
+
+        A REAL that is no number is nobody's value: the PLC stores or shows what it was never given.
+        """
+        if not is_number(cells, self.real):
+            return True
         own = {self.before, *self.own}
         if protocol != _NOT_WHOLE:
             return cells in own
@@ -154,8 +168,8 @@ class WayBack:
 
     def to_text(self) -> str:
         """Return it as its file holds it."""
-        parts = [{"start": part.start, "before": part.before.hex(), "own": sorted(each.hex() for each in part.own)}
-                 for part in self.parts]
+        parts = [{"start": part.start, "before": part.before.hex(), "own": sorted(each.hex() for each in part.own),
+                  "real": part.real} for part in self.parts]
         return json.dumps({
             "schema": WAY_BACK_SCHEMA, "command": self.command, "address": self.address, "block": self.number,
             "parts": parts, "power_pct": self.power_pct, "record": self.record, "begun": self.begun,
@@ -164,14 +178,22 @@ class WayBack:
     @classmethod
     def from_document(cls, document: Any) -> WayBack:
         """Return what a file holds; raises KeyError, TypeError or ValueError where it is damaged."""
-        parts = tuple(WayBackPart(int(part["start"]), bytes.fromhex(part["before"]),
-                                  {bytes.fromhex(each) for each in part["own"]}) for part in document["parts"])
-        if any(not part.before or {len(each) for each in part.own} != {len(part.before)} for part in parts):
-            raise ValueError("own: bytes of another length than before")
+        parts = tuple(_part_of(part) for part in document["parts"])
         return cls(command=str(document["command"]), address=str(document["address"]), number=int(document["block"]),
                    parts=parts, power_pct=float(document["power_pct"]), record=str(document["record"]),
                    begun=str(document["begun"]), process=int(document["process"]),
                    sent_s=None if document["sent_s"] is None else float(document["sent_s"]))
+
+
+def _part_of(document: Any) -> WayBackPart:
+    """Return the part of a way back that a file holds; errors as `WayBack.from_document`."""
+    part = WayBackPart(int(document["start"]), bytes.fromhex(document["before"]),
+                       {bytes.fromhex(each) for each in document["own"]}, document.get("real"))
+    if not part.before or {len(each) for each in part.own} != {len(part.before)}:
+        raise ValueError("own: bytes of another length than before")
+    if part.real not in (None, *range(len(part.before) - 3)):
+        raise ValueError("real: no byte at which a REAL begins")
+    return part
 
 
 class Hold:
@@ -191,6 +213,7 @@ class Hold:
         self._lost_s: float | None = None  # the latest request without an answer
         self._unseen_s: float | None = None  # the latest one with an answer, until it is seen
         self._before_s: float | None = None  # `_lost_s` before the request that is under way
+        self._sent_again: set[int] = set()  # parts that were sent though what is read is as before
 
     @contextmanager
     def lock(self, command: str) -> Iterator[None]:
@@ -393,18 +416,30 @@ class Hold:
         assert way_back is not None
         with connect(address_of(way_back.address), timeout_s) as client:
             for part in reversed(way_back.parts):
-                place = way_back.number, part.start, len(part.before)
-                found = client.read(*place)
+                found = client.read(way_back.number, part.start, len(part.before))
                 if not part.owns(found, self._address.protocol):
                     outcome = False
-                elif found != part.before:
-                    with suppress(InputError):  # the way back is sent though the disk takes nothing
-                        self.note_request()
-                    self.send(partial(client.write, way_back.number, part.start, part.before))
-                    if client.read(*place) != part.before:
-                        return None
-                    self.note_stored()
+                elif not self._has_put_back(client, way_back.number, part, found):
+                    return None
         return outcome
+
+    def _has_put_back(self, client: Client, number: int, part: WayBackPart, present: bytes) -> bool:
+        """Write a part that is not as before, and return whether it is; errors as `_brought_back`.
+
+        What is read may be a gateway's copy: where something was sent and not seen, the part is written once anyway.
+        """
+        if present == part.before and (part.start in self._sent_again or not self.left_s):
+            return True
+        with suppress(InputError):  # the way back is sent though the disk takes nothing
+            self.note_request()
+        self.send(partial(client.write, number, part.start, part.before))
+        if client.read(number, part.start, len(part.before)) != part.before:
+            return False
+        if present == part.before:
+            self._sent_again.add(part.start)
+        else:
+            self.note_stored()
+        return True
 
     def send(self, write: Callable[[], object]) -> None:
         """Send a request that `note_request` has noted.

@@ -25,16 +25,19 @@ from heatertune.errors import LogError
 from heatertune.log.formats import BINARY_FORMATS, TEXT_FORMATS
 from heatertune.log.formats.containers import decompress
 from heatertune.log.formats.format_table import FormatTable, NumberedLines
+from heatertune.log.formats.printer_logs import heater_names
 from heatertune.log.quantities import (
+    FORM_MARKS,
     is_number,
     is_quantity,
     join_decimals,
     plain_quantities,
     role_of,
     says_nothing,
-    stamp,
+    usual_form,
 )
 from heatertune.log.sheet import Grid, Sheet, TextParts, drain
+from heatertune.log.timestamps import stamp
 from heatertune.units import count
 from heatertune.writing import read_bytes
 
@@ -42,6 +45,7 @@ __all__ = [
     "MARK",
     "SWITCHED",
     "TORN",
+    "heaters_in",
     "is_number",
     "plain_cells",
     "pwm_period_of",
@@ -73,6 +77,9 @@ def take_header(lines: Lines, rows: Grid, repairs: list[str]) -> tuple[tuple[str
     if empty and _is_words(rows[0]) and not any(map(role_of, empty)):  # LabVIEW names a comment that no row holds
         repairs.append(f"No row has cells for {', '.join(map(repr, empty))}.")
         rows.aside[0] = rows[0][:width]
+    if len(rows[0]) == width - 1 and _is_words(rows[0]) and _has_row_names(rows):
+        repairs.append("The first column has no name and holds the numbers of the rows.")
+        rows.aside[0] = ["", *rows[0]]
     first = _first_reading(rows, width)
     words = [k for k in range(first) if len(rows[k]) == width and _is_words(rows[k])]
     chosen = _names_row(rows, words)
@@ -91,6 +98,20 @@ def take_header(lines: Lines, rows: Grid, repairs: list[str]) -> tuple[tuple[str
         repairs.append(f"{count(len(again), 'repeat')} of the header skipped (line {lines[again[0]]}).")
         kept[again] = False
     return names, above, kept
+
+
+def _has_row_names(rows: Grid) -> bool:
+    """Return whether the readings begin with the numbers of the rows, and the names without one for these, as R writes.
+
+    The column behind that of the name must then be the time, evenly spaced: names may also lack one at their end.
+    """
+    clock = next((i + 1 for i, name in enumerate(rows[0]) if role_of(name) == "time"), None)
+    numbers, time = (None if i is None else rows.columns[i].floats() for i in (0, clock))
+    if numbers is None or time is None or len(time) < 2 or numbers[0] not in (0.0, 1.0):
+        return False
+    steps, is_counted = np.diff(time), np.array_equal(numbers, numbers[0] + np.arange(len(numbers)))
+    usual = float(np.median(steps))
+    return bool(is_counted and usual > 0.0 and np.all(np.abs(steps - usual) < 0.5 * usual))
 
 
 def _first_reading(rows: Grid, width: int) -> int:
@@ -142,6 +163,10 @@ def _named(
 ) -> tuple[str, ...]:
     """Return the names, with the units of a row below them."""
     names = list(rows[chosen]) if all(rows[chosen]) else _without_word(rows[chosen])
+    above = rows[chosen - 1] if chosen else []
+    if len(above) == len(names) and _is_words(above):  # "Time" above "[s]"
+        names = [f"{word} {name}" if word and name[:1] in ("[", "(") and _UNIT.fullmatch(name)
+                 else name or (word if role_of(word) else "") for word, name in zip(above, names, strict=True)]
     for k in below:
         filled = list(filter(None, _without_word(rows[k])))
         fills = not names[0] and rows[k][0] and not _UNIT_WORD.fullmatch(rows[k][0])
@@ -227,6 +252,7 @@ _UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 _SAMPLE = 50  # lines looked at to find the separator
 _FEW_LINES: Final = 20
 _SEPARATOR_LINE: Final = re.compile(r'[" ]*sep=[;,\t|][" ]*', re.IGNORECASE)  # written by spreadsheets
+_FRAME_LINE: Final = re.compile(r"[-+=| :]*(?:---|===)[-+=| :]*")  # of a table that a database's terminal prints
 _MARKS: Final = ("\t", ";", "|", ",")
 _ALIKE: Final = 0.05
 _MOST_WORDS: Final = 0.6
@@ -266,8 +292,9 @@ def read_sheet(
     if kind is not None:
         return _sheet_of(path, kind.read(path, numbered, tag), repairs, damaged)
     kept = numbered
-    if "#" in text or "=" in text:
-        kept = numbered.where(lambda line: not line.lstrip().startswith("#") and not _SEPARATOR_LINE.fullmatch(line))
+    if "#" in text or "=" in text or "---" in text:
+        kept = numbered.where(lambda line: not line.lstrip().startswith("#") and not _SEPARATOR_LINE.fullmatch(line)
+                              and not _FRAME_LINE.fullmatch(line))
     if not kept:
         raise LogError("the file is empty", file=path, expected="rows of time and temperature")
     if passed := passed + len(numbered) - len(kept):
@@ -278,11 +305,24 @@ def read_sheet(
     separator = _separator(kept.texts[-_SAMPLE:])
     grid = _split(path, kept, separator)
     _without_empty_ends(grid, repairs)
+    grid.change(usual_form, FORM_MARKS)
     if separator == ",":
         join_decimals(path, grid, decimal_comma, repairs)
     sheet = _sheet_of_grid(path, grid, np.array(kept.numbers), repairs, damaged + cut)
     comment = () if sheet.header or not len(sheet) else _comment_above(before, separator, len(sheet.columns))
     return replace(sheet, comment=comment, pwm_period_s=period_s, recorded=recorded)
+
+
+def heaters_in(path: Path) -> list[str]:
+    """Return the heaters of a printer's log, by which `read_sheet` selects one; none of another file.
+
+    Raises:
+        LogError: the file cannot be read.
+    """
+    data = decompress(path, _content(path, None), [])
+    if any(data.startswith(kind.magic) for kind in BINARY_FORMATS):
+        return []
+    return heater_names(_written_lines(_text(path, data, []), 0)[0])
 
 
 def _sheet_of_grid(path: Path, grid: Grid, lines: Lines, repairs: list[str], lost: int) -> Sheet:
@@ -501,11 +541,18 @@ def _comment_above(above: Sequence[tuple[int, str]], separator: str | None, widt
     return tuple(cells) if text.startswith("#") and len(cells) == width and not any(map(is_number, cells)) else ()
 
 
-def plain_cells(sheet: Sheet) -> Sheet:
-    """Return the sheet with units and decimal commas converted to plain numbers; the units are stored separately."""
+def plain_cells(sheet: Sheet, decimal_comma: str | None = None) -> Sheet:
+    """Return the sheet with units and decimal commas converted to plain numbers; the units are stored separately.
+
+    Args:
+        sheet: the cells.
+        decimal_comma: columns with decimal commas, by number (1 = first) or name, with commas between them; "none".
+    """
     units, commas, repairs = [], False, list(sheet.repairs)
+    stated = None if decimal_comma is None else {part.strip() for part in decimal_comma.split(",")}
     for i, (name, column) in enumerate(zip(sheet.names(), sheet.columns, strict=True)):
-        plain = plain_quantities(column)
+        comma = None if stated is None else not stated.isdisjoint((name, f"{i + 1}"))
+        plain = plain_quantities(column, decimal_commas=comma)
         units.append(plain[1] if plain else "")
         if plain is None:
             continue

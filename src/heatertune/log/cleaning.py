@@ -23,8 +23,8 @@ from heatertune.log.side_columns import quoted
 from heatertune.units import count
 
 __all__ = [
-    "kept_rows", "no_readings", "one_run", "spread_instants", "tell_gaps", "without_strays",
-    "without_unreadable_power",
+    "in_order", "kept_rows", "no_readings", "one_run", "spread_instants", "tell_gaps", "without_strays",
+    "without_unreadable_power", "without_unset_clock",
 ]
 
 
@@ -235,6 +235,47 @@ def without_unreadable_power(
     more = f" and {len(rows) - _SHOWN} more" if len(rows) > _SHOWN else ""
     repairs.append(f"{count(len(rows), 'row')} without a power left out ({lines}{more}).")
     return replace(sheet.at_rows(~strange), lost=sheet.lost + len(rows)), time[~strange], edges[~strange]
+
+
+_UNSET_S: Final = 1e7  # four months: no pause of a log
+
+
+def without_unset_clock(sheet: Sheet, time: Array, repairs: list[str]) -> tuple[Sheet, Array]:
+    """Return sheet and times, shape (n,) [s], without the few rows in front whose date is years before the others.
+
+    A logger without a battery begins in 1970 or 2000, until it is told the time.
+    """
+    back = np.flatnonzero(np.abs(np.diff(time)) > _UNSET_S)
+    first = int(back[0]) + 1 if len(back) == 1 else 0
+    if not 0 < first <= max(_FEW_STRAYS, _MOST_STRAYS * len(time)):
+        return sheet, time
+    repairs.append(f"{count(first, 'row')} before the clock was set left out (up to line "
+                   f"{sheet.line_name(first - 1)}).")
+    kept = sheet.at_rows(slice(first, None))
+    return replace(kept, lost=kept.lost + first), time[first:] - time[first]
+
+
+_MOST_BACK: Final = 5.0  # intervals by which a row may be late in its file
+
+
+def in_order(sheet: Sheet, time: Array, repairs: list[str]) -> tuple[Sheet, Array]:
+    """Return sheet and times, shape (n,) [s], with the few rows put in order that were written behind a later one.
+
+    They are put back only where there is a gap for each of them: a clock that was put back leaves none.
+    """
+    steps = np.diff(time)
+    back = np.flatnonzero(steps < 0.0)
+    usual = float(np.median(steps)) if len(steps) else 0.0
+    if not len(back) or usual <= 0.0 or len(back) > max(_FEW_STRAYS, _MOST_STRAYS * len(time)) or (
+            steps.min() < -_MOST_BACK * usual):
+        return sheet, time
+    order = np.argsort(time, kind="stable")
+    near = np.unique(np.clip(np.concatenate([back + k for k in range(-6, 8)]), 0, len(steps) - 1))
+    if np.any(np.abs(np.diff(time[order])[near] - usual) > 0.5 * usual):
+        return sheet, time
+    repairs.append(f"{count(len(back), 'row')} written behind a later one put in the order of the time (line "
+                   f"{', '.join(sheet.line_name(int(k)) for k in back[:_SHOWN])}).")
+    return sheet.at_rows(order), time[order]
 
 
 def one_run(
@@ -485,7 +526,10 @@ def tell_gaps(time: Array, lines: npt.NDArray[np.intp], powered: bool, doubts: l
     places = ", ".join(f"{steps[k]:g} s after line {lines[k]}" for k in gaps[:_SHOWN])
     more = f" and {len(gaps) - _SHOWN} more" if len(gaps) > _SHOWN else ""
     held = "; the power is assumed constant in them" if powered else ""
-    doubts.append(f"The log has {count(len(gaps), 'gap')} ({places}{more}){held}.")
+    usual = float(np.median(steps))
+    forward = len(gaps) == 1 and abs(float(steps[gaps[0]]) - _HOUR_S - usual) <= max(0.1 * usual, 1.0)
+    hour = f"; where the clock was put forward by an hour, --log-interval {usual:g} counts the rows" if forward else ""
+    doubts.append(f"The log has {count(len(gaps), 'gap')} ({places}{more}){held}{hour}.")
 
 
 def _places(sheet: Sheet, raw: Array, mask: Mask) -> str:

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import accumulate
 from typing import Final
 
 import numpy as np
@@ -19,23 +20,16 @@ from heatertune.errors import LogError
 from heatertune.log.log_values import EXPLICIT, LogSignal
 from heatertune.log.quantities import (
     ROLES,
-    STAMPS,
-    is_clock,
-    is_date,
-    is_day_or_month,
     is_foreign,
-    is_hours_or_minutes,
+    is_heated,
     is_in_celsius,
     is_number,
     is_quantity,
     is_scaled,
     is_second_choice,
     is_switch_word,
-    month_first,
-    month_or_day_first,
     role_of,
     says_nothing,
-    stamp,
     unit_in_name,
 )
 from heatertune.log.sheet import CellColumn, Sheet
@@ -45,11 +39,28 @@ from heatertune.log.side_columns import (
     demand_own_temperature,
     is_cooling,
     is_fan,
+    is_measured,
+    quoted,
+)
+from heatertune.log.timestamps import (
+    STAMPS,
+    duration_s,
+    is_clock,
+    is_date,
+    is_date_in_digits,
+    is_day_or_month,
+    is_day_or_year,
+    is_hours_or_minutes,
+    month_first,
+    month_or_day_first,
+    stamp,
+    year_turned,
 )
 
 __all__ = [
-    "CLOCK_UNITS", "NO_COLUMN", "TIME_UNITS", "Columns", "cell_error", "choose_column",
-    "find_columns", "forwards", "likely_time_unit", "numbers", "seconds", "with_dates", "with_names",
+    "CLOCK_UNITS", "NO_COLUMN", "TIME_UNITS", "Columns", "cell_error", "choose_column", "demand_one_form",
+    "find_columns", "forwards", "likely_time_unit", "numbers", "seconds", "with_clock_parts", "with_dates",
+    "with_names",
 ]
 
 
@@ -166,16 +177,52 @@ def _by_name(sheet: Sheet, index: dict[str, int], absent: set[str], notes: list[
     if not by_role.get("temperature", True) and "temperature" not in index:
         degrees = [i for i, name in enumerate(sheet.header) if i not in taken and is_in_celsius(name)]
         by_role["temperature"] = degrees if len(degrees) == 1 else []
+    by_role.get("temperature", []).extend(_heated(sheet, by_role, index))
     for role, candidates in by_role.items():
         if role in index or not candidates:
             continue
         heats = [i for i in candidates if role != "power" or not (
             is_cooling(sheet.header[i]) or is_fan(sheet.header[i]))]
-        best, *others = sorted(heats or candidates, key=lambda i: _is_second(role, sheet.header[i]))
+        order = {i: (len(candidates) > 1 and role in _MOVING and _stands(sheet.columns[i]),
+                     _is_second(role, sheet.header[i])) for i in heats or candidates}
+        best, *others = sorted(order, key=lambda i: order[i])
+        _demand_two_names(sheet, role, [best, *(i for i in others if order[i] == order[best])])
         index[role] = best
         if others:
             unused = ", ".join(sheet.header[i] for i in others)
             notes.append(f"{sheet.header[best]!r} was taken as the {role}; {unused} not used.")
+
+
+def _heated(sheet: Sheet, by_role: Mapping[str, Sequence[int]], index: Mapping[str, int]) -> list[int]:
+    """Return the only measured column without a role, named for what is heated, next to a power and no temperature."""
+    powered = "power" in index or by_role.get("power")
+    if not powered or not all(is_second_choice(sheet.header[i]) for i in by_role.get("temperature", ())):
+        return []
+    free = [i for i, name in enumerate(sheet.header) if i not in index.values() and role_of(name) is None
+            and is_measured(sheet.columns[i])]
+    return free if len(free) == 1 and is_heated(sheet.header[free[0]]) else []
+
+
+_MOVING: Final = ("temperature", "power")
+
+
+def _demand_two_names(sheet: Sheet, role: str, candidates: Sequence[int]) -> None:
+    """Refuse to take the first of several columns of one name for temperature or power where they hold different cells.
+
+    Raises:
+        LogError: there are such columns.
+    """
+    name = sheet.header[candidates[0]]
+    alike = [i for i in candidates if sheet.header[i] == name]
+    if role in _MOVING and any(list(sheet.columns[i]) != list(sheet.columns[alike[0]]) for i in alike[1:]):
+        options = " or ".join(f"--{role}-column {i + 1}" for i in alike)
+        raise LogError(f"{len(alike)} columns of one name, with different cells", file=sheet.file, column=name,
+                       expected=options)
+
+
+def _stands(cells: CellColumn) -> bool:
+    """Return whether a column holds one value throughout: a sensor that is not connected, a heater that is off."""
+    return all(cell == cells[0] for cell in cells.kinds())
 
 
 def _is_text(sheet: Sheet, role: str, i: int) -> bool:
@@ -375,11 +422,62 @@ def with_dates(sheet: Sheet, columns: Columns, wanted: str | int | None) -> tupl
         free = [i for i in free if role_of(sheet.header[i]) == "time"] or free
     if len(free) != 1:
         return sheet, columns
-    sheet = sheet.with_column(place, map(" ".join, zip(sheet.columns[free[0]], sheet.columns[place], strict=True)))
+    cells: Iterable[str] = sheet.columns[free[0]]
+    dates: Iterable[str] = accumulate(cells, lambda before, cell: cell or before)  # merged cells have the first alone
+    sheet = sheet.with_column(place, map(" ".join, zip(dates, sheet.columns[place], strict=True)))
     name = sheet.names()[free[0]]
     note = f"The date in {name!r} and the time of day in {columns.names['time']!r} were put together."
     return sheet, replace(columns, index={**columns.index, "date": free[0]}, names={**columns.names, "date": name},
                           notes=(*columns.notes, note))
+
+
+#: part of a clock that has a column of its own → its name, without a unit
+_PARTS: Final = {
+    "year": r"years?|jahr|yyyy|año|année|anno", "month": r"months?|monat|mon|mes|mois|mese",
+    "day": r"days?|tag|dd?|día|jour|giorno", "hour": r"hours?|stunden?|std|hr|hh?|hora|heure|ora",
+    "minute": r"min(ute[ns]?|s)?|mm|minuto", "second": r"s(ec(ond)?s?|ek(unden?)?)?|ss|segundo",
+    "millisecond": r"m(illi)?s(ec(ond)?s?)?|msec|millis"}
+_LIMITS: Final = {"month": 13, "day": 32, "hour": 24, "minute": 60, "second": 60, "millisecond": 1000}
+
+
+def with_clock_parts(sheet: Sheet, columns: Columns) -> tuple[Sheet, Columns]:
+    """Return the sheet with the parts of a clock that have columns of their own joined in the column of the time.
+
+    Such are year to second, minute and second, and the milliseconds next to a time of day.
+    """
+    place = columns.index.get("time")
+    if place is None or not sheet.header:
+        return sheet, columns
+    parts: dict[str, tuple[int, Array]] = {}
+    for i, name in enumerate(sheet.header):
+        plain = re.sub(r"[\[(/].*", "", name).strip().lower()
+        part = next((part for part, names in _PARTS.items() if re.fullmatch(names, plain)), None)
+        values = None if part is None or part in parts else sheet.columns[i].floats()
+        if values is not None and np.all(values >= 0.0) and np.all(values < _LIMITS.get(str(part), np.inf)):
+            parts[str(part)] = i, values
+    clock = sheet.columns[place]
+    if "millisecond" in parts and is_clock(clock[0].rpartition(" ")[2]) and not re.search(r"[.,]\d+$", clock[0]):
+        names = [sheet.header[parts["millisecond"][0]]]
+        joined = [f"{cell}.{round(part):03d}" for cell, part in zip(clock, parts["millisecond"][1], strict=True)]
+    elif "minute" in parts and {"hour", "second"} & {*parts} and place in [i for i, _ in parts.values()]:
+        names = [sheet.header[i] for i, _ in parts.values()]
+        joined = _clock_of({part: values for part, (_, values) in parts.items()})
+    else:
+        return sheet, columns
+    note = f"{' and '.join(map(repr, names))} were read as parts of the time."
+    sheet = sheet.with_column(place, joined)
+    units = {role: unit for role, unit in columns.units.items() if role != "time"}
+    return sheet, replace(columns, names={**columns.names, "time": "time"}, notes=(*columns.notes, note), units=units)
+
+
+def _clock_of(parts: Mapping[str, Array]) -> list[str]:
+    """Return a stamp, a time of day or minutes and seconds for each row of the parts of a clock, shape (n,) each."""
+    rows = zip(*parts.values(), strict=True)
+    whole = ({"hour": 0.0, "second": 0.0, "millisecond": 0.0} | dict(zip(parts, row, strict=True)) for row in rows)
+    dated = {"year", "month", "day"} <= {*parts}
+    return [(f"{row['year']:04.0f}-{row['month']:02.0f}-{row['day']:02.0f} " if dated else "")
+            + f"{row['hour']:02.0f}:{row['minute']:02.0f}:{row['second'] + 1e-3 * row['millisecond']:06.3f}"
+            for row in whole]
 
 
 def seconds(
@@ -410,10 +508,29 @@ def seconds(
         repairs.append(f"The time was read as {two}.")
         each_s = 60.0 if two == "hh:mm" else 1.0
         return LogSignal(_past_midnight(each_s * cells.numbers(_sixties), repairs), two, two)
+    if is_date_in_digits(cells[0]) and all(map(is_date_in_digits, cells.kinds())):
+        repairs.append("The digits of the time are dates and were converted to seconds from the first row.")
+        return LogSignal(_from_stamps(sheet, columns, cells, repairs), "stamps", "stamps")
+    if (length_s := _durations(cells)) is not None:
+        repairs.append("The time is written as a duration and was converted to seconds.")
+        return LogSignal(length_s, "stamps", "stamps")
     if not is_number(cells[0]) and (stamp(cells[0]) is not None or month_first(cells)):
         repairs.append("Time stamps were converted to seconds from the first row.")
         return LogSignal(_from_stamps(sheet, columns, cells, repairs), "stamps", "stamps")
     return _from_numbers(sheet, columns, unit, repairs)
+
+
+def _durations(cells: CellColumn) -> Array | None:
+    """Return durations [s], shape (n,): 0 days 00:00:02, 5m 3s, 25:10:00; None of other cells, and of times of day."""
+    if is_number(cells[0]) or duration_s(cells[0]) is None or duration_s(cells[-1]) is None:
+        return None
+    if is_clock(cells[0]) and all(cell.partition(":")[0].strip() in _HOURS for cell in cells):
+        return None
+    values = cells.numbers(lambda cell: np.nan if (length := duration_s(cell)) is None else length)
+    return None if np.isnan(values).any() else values
+
+
+_HOURS: Final = frozenset([*map(str, range(24)), *(f"0{hour}" for hour in range(10))])
 
 
 def _two_numbers(sheet: Sheet, columns: Columns, cells: CellColumn, unit: str | None) -> str:
@@ -506,8 +623,11 @@ def _from_stamps(sheet: Sheet, columns: Columns, cells: CellColumn, repairs: lis
         cells = cells.map(lambda cell: month_first((cell,), turn=True) or cell)
     elif is_day_or_month(cells) and (order := month_or_day_first(cells)):
         repairs.append(f"The dates are read with the {order} first: so they follow each other day by day.")
-        if order == "month":
-            cells = cells.map(lambda cell: month_first((cell,), turn=True) or cell)
+        turn = {"month": lambda cell: month_first((cell,), turn=True) or cell, "year": year_turned}
+        cells = cells.map(turn[order]) if order in turn else cells
+    elif is_day_or_year(cells) and month_or_day_first(cells) == "year":
+        repairs.append("The dates are read with the year first: so they follow each other day by day.")
+        cells = cells.map(year_turned)
     elif is_day_or_month(cells):
         raise cell_error(sheet, columns, "time", 0, "a date that may be day first or month first:",
                       f"{STAMPS}, or --log-interval with the seconds between two rows")
@@ -542,3 +662,38 @@ def forwards(sheet: Sheet, time: Array, repairs: list[str]) -> tuple[Sheet, Arra
         return sheet, time
     repairs.append("The rows are newest first and were reversed.")
     return sheet.at_rows(slice(None, None, -1)), time[::-1] - time[-1]
+
+
+_THOUSAND_OR_ONE: Final = re.compile(r"[12]\.\d{3}")
+_GROUP_OR_DECIMALS: Final = re.compile(r"[1-9]\d{0,2}\.\d{3}")
+_WHOLE: Final = re.compile(r"[+-]?\d+")
+
+
+def demand_one_form(sheet: Sheet, columns: Columns, decimal_comma: str | None) -> None:
+    """Refuse numbers that may be thousands in groups or have three decimals.
+
+    Such are temperatures that all lie between 1 and 3, or 1000 and 3000; and powers in a unit such as W of which some
+    are whole. Nothing is refused where the user states the columns with decimal commas.
+
+    Raises:
+        LogError: they are.
+    """
+    for role in ("temperature", "power"):
+        if role not in columns.index or decimal_comma is not None:
+            continue
+        cells = sheet.columns[columns.index[role]]
+        kinds = [cell for cell in cells.kinds() if not says_nothing(cell)] if cells.holds(".") else []
+        marked = next(filter(_GROUP_OR_DECIMALS.fullmatch, kinds), None)
+        if marked is None or not (
+                all(map(_THOUSAND_OR_ONE.fullmatch, kinds)) if role == "temperature" else columns.is_foreign("power")
+                and any(map(_WHOLE.fullmatch, kinds))
+                and all(_WHOLE.fullmatch(cell) or _GROUP_OR_DECIMALS.fullmatch(cell) for cell in kinds)):
+            continue
+        row = int(np.flatnonzero(cells.where(marked.__eq__))[0])
+        whole, name = marked.replace(".", ""), quoted(columns.names[role])
+        group, decimal = ("none", name) if _COMMAS in sheet.repairs else (name, "none")
+        raise cell_error(sheet, columns, role, row, "thousands in groups, or three decimals:",
+                         f"--decimal-comma {group} for {whole}, or --decimal-comma {decimal} for {marked}")
+
+
+_COMMAS: Final = "Decimal commas were read as points."

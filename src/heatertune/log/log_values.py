@@ -65,6 +65,7 @@ class BuiltIn:
         doubts: suspicious readings that are left as they are, one sentence each.
         same_heater: other tables of the same heater.
         rests_at_degC: where the record rests before it is disturbed [°C].
+        output_limit_pct: largest output of the controller [%].
     """
 
     name: str
@@ -74,6 +75,7 @@ class BuiltIn:
     doubts: tuple[str, ...]
     same_heater: tuple[str, ...]
     rests_at_degC: float
+    output_limit_pct: float
 
 
 def built_in(name: str) -> BuiltIn:
@@ -92,6 +94,7 @@ def built_in(name: str) -> BuiltIn:
         doubts=tuple(f"t = {odd['time_s']} s, {odd['reading']} °C: {odd['why']}" for odd in described["suspicious"]),
         same_heater=tuple(described["same_heater"]),
         rests_at_degC=float(described["rests_at_degC"]),
+        output_limit_pct=float(described["output_limit_pct"]),
     )
 
 
@@ -307,6 +310,7 @@ class Log(NotebookDisplay):
         same_heater: names of built-in logs taken on the same heater.
         taken: summary of how the file was read, None for a log that does not come from a file.
         rests_at_degC: steady-state temperature according to the source, None if not stated [°C].
+        output_limit_pct: largest output of the controller according to the source, None if not stated [%].
         pwm_period_s: PWM period of the heater according to the source, 0 if not stated [s].
         cooling_gain: cooling power that `power_pct` holds below 0, at full cooling as a fraction of full heating.
 
@@ -323,13 +327,15 @@ class Log(NotebookDisplay):
     same_heater: tuple[str, ...] = field(default=())
     taken: ReadSummary | None = None
     rests_at_degC: float | None = None
+    output_limit_pct: float | None = None
     pwm_period_s: float = 0.0
     cooling_gain: float = 0.0
 
     def __init__(  # noqa: PLR0913, the fields are those of a dataclass, and rows may take the place of signals
         self, *, name: str, source: str, signals: Mapping[str, LogSignal] | None = None, repairs: tuple[str, ...] = (),
         warnings: tuple[str, ...] = (), same_heater: tuple[str, ...] = (), taken: ReadSummary | None = None,
-        rests_at_degC: float | None = None, pwm_period_s: float = 0.0, cooling_gain: float = 0.0,
+        rests_at_degC: float | None = None, output_limit_pct: float | None = None, pwm_period_s: float = 0.0,
+        cooling_gain: float = 0.0,
         time_s: Array | None = None, **rows: Array | None,
     ) -> None:
         held = dict(signals or {})
@@ -343,7 +349,8 @@ class Log(NotebookDisplay):
                 held[ROWS[column]] = signal._replace(values=values, time_s=time)
         attributes = {"name": name, "source": source, "signals": _frozen_signals(held, cooling_gain),
                       "repairs": repairs, "warnings": warnings, "same_heater": same_heater, "taken": taken,
-                      "rests_at_degC": rests_at_degC, "pwm_period_s": pwm_period_s, "cooling_gain": cooling_gain}
+                      "rests_at_degC": rests_at_degC, "output_limit_pct": output_limit_pct,
+                      "pwm_period_s": pwm_period_s, "cooling_gain": cooling_gain}
         for attribute, value in attributes.items():
             object.__setattr__(self, attribute, value)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -10,13 +11,14 @@ import numpy.typing as npt
 
 from heatertune.arrays import Array
 from heatertune.errors import LogError
-from heatertune.log.columns import Columns, cell_error, numbers
+from heatertune.log.columns import Columns, cell_error, choose_column, numbers
 from heatertune.log.log_values import EXPLICIT, LogSignal
-from heatertune.log.quantities import is_scaled, on_or_off
+from heatertune.log.quantities import is_scaled, on_or_off, says_nothing
 from heatertune.log.sheet import Sheet
+from heatertune.settings import ReadSettings
 from heatertune.units import count
 
-__all__ = ["power_of"]
+__all__ = ["power_of", "with_switch"]
 
 
 #: readings without power and at full power of signals with a live zero, and the unit of each
@@ -106,6 +108,15 @@ _EXPECTED: Final = "--power-full-scale with the reading at full power{}, or --po
 _FULL_SCALES: Final = (255, 1000, 1023, 4095, 10000, 27648, 32767, 65535)
 
 
+def _refuse_readings(sheet: Sheet, value: float | None, levels: tuple[float, float] | None) -> None:
+    """Refuse stated readings of a power that was not logged."""
+    if value is None and levels is None:
+        return
+    option = "--power-full-scale" if levels is None else "--power-levels"
+    raise LogError(f"no column of the power, whose readings {option} states", file=sheet.file,
+                   expected=f"--power-column with the column of the power, or the command without {option}")
+
+
 def power_of(
     sheet: Sheet, columns: Columns, value: float | None, repairs: list[str], doubts: list[str], *,
     levels: tuple[float, float] | None = None, temperature_degC: Array,
@@ -122,15 +133,18 @@ def power_of(
         temperature_degC: of each row, NaN without a reading, shape (n,).
 
     Raises:
-        LogError: a cell that is not a power, an unknown full scale, a power out of range.
+        LogError: a cell that is not a power, an unknown full scale, a power out of range; readings of a power that was
+            not logged.
     """
     if "power" not in columns.index:
+        _refuse_readings(sheet, value, levels)
         return None
     switched = on_or_off(sheet.columns[columns.index["power"]])
     if switched is not None:
         repairs.append("The power is on or off; taken as 100 % and 0 %.")
         return LogSignal(switched * 100.0, "1", "on/off")
-    expected = "a number, or on and off in every row (--power-column none if there is no power)"
+    expected = ("a number, or on and off in every row (--power-on with the cell that means on; --power-column none if "
+                "there is no power)")
     values = numbers(sheet, columns, "power", expected)
     if levels is not None:
         return _between(sheet, columns, values, levels, repairs)
@@ -254,3 +268,28 @@ def _assumed(sheet: Sheet, columns: Columns, values: Array, repairs: list[str], 
         doubts.append(f"The power, taken as percent, never exceeds {largest:g} %: were it volts or amperes, "
                       "--power-full-scale would have to tell the reading at full power.")
     return 100.0
+
+
+def with_switch(sheet: Sheet, settings: ReadSettings) -> tuple[Sheet, ReadSettings]:
+    """Return the sheet with on and off in the column of the power whose word for on is stated.
+
+    Raises:
+        LogError: no column holds the word, or several do.
+    """
+    word = settings.power_on
+    if word is None:
+        return sheet, settings
+    columns = range(len(sheet.columns)) if settings.power_column is None else [
+        choose_column(sheet, "power", settings.power_column)]
+    places = [i for i in columns if sheet.columns[i].where(word.__eq__).any()]
+    if len(places) != 1:
+        raise LogError(f"{'several columns hold' if places else 'no column holds'} the word for on", file=sheet.file,
+                       value=word, expected="--power-on with a cell of one column, and --power-column")
+    column = sheet.columns[places[0]]
+    unknown = {cell for cell in column.kinds() if cell != word and says_nothing(cell)}
+    if len({*column.kinds()} - unknown) == 1:  # "ON" and blank, "closed" and "open": these are its other state
+        unknown = set()
+    cells = column.map(lambda cell: "on" if cell == word else cell if cell in unknown else "off")
+    note = f"The power is on where its cell is {word!r}, as stated, and off elsewhere."
+    return replace(sheet.with_column(places[0], cells), repairs=(*sheet.repairs, note)), replace(
+        settings, power_column=str(places[0] + 1))

@@ -1,6 +1,6 @@
 """Parse cells with a unit, a decimal comma, on or off, or no content.
 
-Also the role and unit in a column name, and time stamps → seconds.
+Also the role and unit in a column name.
 
 Join numbers whose decimal commas were taken for separators: 12,5,30,0 is 12.5 and 30.0 under two names.
 """
@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from datetime import date, datetime
 from itertools import accumulate, combinations, pairwise
 from pathlib import Path
 from typing import Final
@@ -19,13 +18,12 @@ import numpy as np
 from heatertune.arrays import Array
 from heatertune.errors import LogError
 from heatertune.log.sheet import CellColumn, Grid
+from heatertune.log.timestamps import stamp
 
 __all__ = [
-    "NOTHING", "ROLES", "STAMPS", "is_clock", "is_date", "is_day_or_month", "is_foreign", "is_hours_or_minutes",
-    "is_in_celsius",
-    "is_number", "is_quantity", "is_scaled", "is_second_choice", "is_switch_word", "join_decimals", "month_first",
-    "month_or_day_first", "on_or_off", "plain_name", "plain_quantities", "role_of", "says_nothing", "stamp",
-    "unit_in_name",
+    "FORM_MARKS", "NOTHING", "ROLES", "group_mark", "is_foreign", "is_heated", "is_in_celsius", "is_number",
+    "is_quantity", "is_scaled", "is_second_choice", "is_switch_word", "join_decimals", "on_or_off", "plain_name",
+    "plain_quantities", "role_of", "says_nothing", "unit_in_name", "usual_form",
 ]
 
 
@@ -42,22 +40,29 @@ _NAMES: Final[dict[str, re.Pattern[str]]] = {
     "time": re.compile(
         r"(?i:time|zeit|\bdate|datum|elapsed|^milli|^sec|^minutes?$|^hours?$|^m?s$|^tage$|^days?$"
         r"|last.?(chang|updat)ed|^(tiempo|tempo|tijd|tid|czas|čas|zaman|aika|hora|heure|fecha|godzina|data)\b"
-        r"|^(дата|время)\b"
+        r"|^(дата|время|час|idő|dátum|χρόνος|ώρα|ημερομηνία|זמן|เวลา|thời gian|oră)\b"
         r"|时间|日期|時刻|日時|時間|年月日|시간|날짜|^temps ?[\[(/] ?(s|sec|ms|min|h)\b)"
         r"|^ts$|^t$|^[tT]s? ?[\[(/ ] ?(s|sec|[mnuµμ]s|min|h)\b"),
     "temperature": re.compile(
         r"(?i:(?<!pid )(?<!pid)temp|\bpv\d*\b|process.?va|istwert|\bist\b|actual(?!.*(power|output|out|duty|%))|°[cf]"
         r"|deg ?[cf]|kelvin|thermocouple|scaled.?input|teplot|lämpötil|s[ıi]cakl[ıi]k|температур|温度|現在値|測定値"
-        r"|온도)"
+        r"|온도|hőmérs|θερμοκρ|טמפרט|nhiệt độ|อุณหภูมิ)"
         r"|^T\d*$|^[tT]\d* ?[\[(/ ] ?[KCF]\b|\bT\d*$"),
     "power": re.compile(
         r"(?i:power|duty|heat(er|ing)|pwm|output|\bc[vo]\d*\b|\bop\d*\b|^[uq]\d*($|[ \[(/])|leistung"
         r"|stell|heiz|volt|watt|spannung|strom|\bcurrent|\bamp(s|ere)?\b"
         r"|^control( signal| value)?$|manipulat|ausgang|\bactive ?out"
-        r"|relais|relay|\bssr\b|^heat$|\bout\d*\b|puissance|pot[eê]nci?a|potenza|vermogen|^moc\b|výkon|мощност|нагрев|功率|出力"
-        r"|输出|加热|加熱|操作量|ヒータ|effekt|^güç|출력|히터|^teho\b|saída|salida|sortie|uscita|aquec|calefac|chauff|riscald)"
+        r"|\belement ?\d*\b"
+    r"|relais|relay|\bssr\b|^heat$|\bout\d*\b|puissance|pot[eê]nci?a|potenza|vermogen|^moc\b|výkon|мощност|нагрев|功率|出力"
+        r"|输出|加热|加熱|操作量|ヒータ|effekt|^güç|출력|히터|^teho\b|saída|salida|sortie|uscita|aquec|calefac|chauff|riscald|verwarm|grzał|topení|ohřev|ısıt"
+        r"|värme\b|varme\b|pådrag|lämmit|fűt[eé]|teljesítm|θέρμανσ|ισχύ|потужн|нагрів|putere|încălz|הספק|חימום|กำลัง)"
         r"|\bMV\d*\b"),
 }
+
+#: what is heated: in a log with a named power, a column of its readings
+_HEATED: Final = re.compile(
+    r"(oven|furnace|kiln|chamber|zone|tank|boiler|bed|hot ?end|nozzle|barrel|platen|ofen|kammer|kessel|four|horno|forno"
+    r"|piec|печь|炉)( ?#?\d{1,3})?", re.IGNORECASE)
 
 #: used only if nothing else has the role: a room's temperature, a date next to the time of day, an electric current
 _SECOND_CHOICE: Final = re.compile(
@@ -131,6 +136,11 @@ def is_in_celsius(name: str) -> bool:
     return role_of(name) is None and _IN_CELSIUS.search(plain_name(name)) is not None
 
 
+def is_heated(name: str) -> bool:
+    """Return whether a name is that of the thing that is heated: Zone 1, oven."""
+    return _HEATED.fullmatch(plain_name(name)) is not None
+
+
 def is_second_choice(name: str) -> bool:
     """Return whether a column is taken for its role only where nothing else has it."""
     return _SECOND_CHOICE.search(plain_name(name)) is not None
@@ -161,138 +171,89 @@ def plain_name(name: str) -> str:
     return name[:_LONGEST].replace("_", " ").strip().replace("º", "°").replace("℃", "°C").replace("℉", "°F")
 
 
-#: the formats of `stamp`, for messages
-STAMPS: Final = "2026-03-01 10:00:00 (ISO 8601), 01.03.2026 10:00:00 or 10:00:00"
-
-_DAY_FIRST = re.compile(r"(\d{1,2})[./](\d{1,2})[./](\d{4}|\d\d)(?:,?[ T]+(.+))?")
-_CLOCK = re.compile(r"\d{1,2}:\d\d(:\d\d([.,:]\d+)?)?( ?[AaPp]\.?[Mm]\.?)?")
-_NOON = re.compile(r"(\d{1,2})(:\d\d.*?) ?([AaPp])\.?[Mm]\.?")
-_DATE = re.compile(r"\d{4}[-/]\d\d?[-/]\d\d?|\d\d?[./]\d\d?[./](\d{4}|\d\d)")
-_SLASHED = re.compile(r"(\d{1,2})/(\d{1,2})/(\d{4}|\d\d)(?!\d)")
-#: 2026年03月14日 09時58分00秒, and the same in Korean
-_CHARACTERS: Final = str.maketrans(
-    {**dict.fromkeys("年月년월", "-"), **dict.fromkeys("時分시분", ":"), **dict.fromkeys("日일秒초")})
-_MONTHS: Final = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
-_NAMED_MONTH = re.compile(
-    r"(?:[A-Z][a-z]{2},? )?(?:(\d{1,2})[- ]([A-Z][a-z]{2})[a-z]*[- ,]+(\d{4})"
-    r"|([A-Z][a-z]{2})[a-z]* (\d{1,2}),? (\d{4})),? *(.*)")
-_THOUSANDTHS = re.compile(r"(:\d\d:\d\d):(\d{1,3})$")
+_FIGURE: Final = r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?"
+#: other characters for those of a number: minus signs of typographers, digits of full width
+_FORMS: Final = str.maketrans("０１２３４５６７８９−–－．，’\u00a0\u202f\u2009", "0123456789---.,'   ")
+#: marks of a cell that may hold a number or a time in another form
+FORM_MARKS: Final = re.compile("['’=(\\[−–－０-９\u00a0\u202f\u2009]|\\d \\d{3}|\\d[dD][+-]?\\d")
+_WRAPPED: Final = re.compile(r"=?\"([^\"]*)\"|'([^']*)'?|\[([-\d./T:, ]+)\]")
+_ACCOUNTANTS: Final = re.compile(r"\((\d[\d., ']*)\)")
+_SPACED: Final = re.compile(r"([+-]?\d{1,3}(?:[ ']\d{3})+(?:[.,]\d+)?)( ?[^\d\s].*)?")
+_FORTRAN: Final = re.compile(r"([+-]?\d+\.?\d*)[dD]([+-]?\d+)")
 
 
-def stamp(cell: str) -> datetime | None:
-    """Parse the time stamp in a cell, with its time zone if it has one; None if it is not a time stamp.
+def usual_form(cell: str) -> str:
+    """Return a cell with its number or time as other files write it.
 
-    ISO 8601, also with a space or slashes in the date; day.month.year; a time of day alone; am and pm.
+    Not ="20.5" as a spreadsheet keeps texts, '20.5', [10:00:00], (20.5) below zero, 1 007 and 1'007 in groups, 2.0D+01.
     """
-    try:  # the two ways that nearly all logs have; the others take five times as long
-        if cell[4:5] == "-" and ":" in cell:
-            return datetime.fromisoformat(cell)
-        if cell[2:3] == cell[5:6] == "." and cell[13:14] == ":":
-            return datetime.fromisoformat(f"{cell[6:10]}-{cell[3:5]}-{cell[:2]}T{cell[11:]}")
-    except ValueError:
-        pass
-    try:
-        return _moment(cell.strip())
-    except ValueError:
-        return None
+    if FORM_MARKS.search(cell) is None:
+        return cell
+    wrapped = _WRAPPED.fullmatch(cell)
+    text = (cell if wrapped is None else next(filter(None, wrapped.groups()), "")).translate(_FORMS).strip()
+    if found := _ACCOUNTANTS.fullmatch(text):
+        text = f"-{found[1]}"
+    if found := _SPACED.fullmatch(text):
+        text = found[1].replace(" ", "").replace("'", "") + (found[2] or "")
+    elif found := _FORTRAN.fullmatch(text):
+        text = f"{found[1]}E{found[2]}"
+    return text if wrapped is not None or is_number(text) or is_quantity(text) or stamp(text) is not None else cell
 
 
-def _moment(text: str) -> datetime | None:
-    if not text.isascii():
-        text = text.translate(_CHARACTERS).strip(": ")
-    if "A" <= text[:1] <= "Z" or "A" <= text[3:4] <= "Z" or "A" <= text[2:3] <= "Z":
-        text = _with_number_of_month(text)
-    match = _DAY_FIRST.fullmatch(text)
-    if match:
-        day, month, year, clock = match.groups()
-        text = f"{year if len(year) == 4 else f'20{year}'}-{month:0>2}-{day:0>2}T{_clock(clock or '00:00')}"
-    elif _CLOCK.fullmatch(text):
-        text = f"1970-01-01T{_clock(text)}"
-    elif not text[:4].isdigit() or text.isdigit() or len(text) < 8:
-        return None
-    else:
-        text = text.removesuffix(" UTC").replace("/", "-")
-        day, mark, clock = text.partition(" ")
-        text = f"{day}T{_clock(clock.lstrip())}" if mark and clock.strip() else day
-    return datetime.fromisoformat(text)
+_GROUPED: Final = {mark: re.compile(rf"[+-]?[1-9]\d{{0,2}}(?:\{mark}\d{{3}})+(?:\{other}\d+)?( ?\D.*)?")
+                   for mark, other in ((",", "."), (".", ","))}
+_FAR: Final = 0.8  # of the largest step: a number that passes 1000 makes a large one where its groups are decimals
+_GROUPS_TRIED: Final = 100  # cells
+_FEW_GROUPED: Final = 0.05  # of the cells: a damaged one may look like a number in groups
 
 
-def _with_number_of_month(text: str) -> str:
-    """Return a date with the name of its month, 14-Mar-2026 or Mar 14, 2026, as ISO 8601 has it."""
-    found = _NAMED_MONTH.fullmatch(text)
-    if found is None:
-        return text
-    day, month, year = (found[1], found[2], found[3]) if found[1] else (found[5], found[4], found[6])
-    if month.lower() not in _MONTHS:
-        return text
-    return f"{year}-{_MONTHS.index(month.lower()) + 1:02d}-{day:0>2} {found[7]}".strip()
+def group_mark(cells: CellColumn, *, decimal_commas: bool | None = None) -> str:
+    """Return the mark that groups the thousands of a column, "," or ".", or "" if that is not certain.
 
+    Certain are a second group or decimals behind another mark; and, where some numbers have no mark, that they go on
+    beyond 999 with groups, but jump with decimals.
 
-def _clock(text: str) -> str:
-    """Return a time of day as ISO 8601 has it."""
-    noon = _NOON.fullmatch(text)
-    if noon:
-        hour, rest, half = noon.groups()
-        text = f"{int(hour) % 12 + 12 * (half in 'pP')}{rest}"
-    text = _THOUSANDTHS.sub(r"\1.\2", text)
-    return f"0{text}" if text[1:2] == ":" else text
-
-
-def is_clock(cell: str) -> bool:
-    """Return whether a cell is a time of day without a date."""
-    return _CLOCK.fullmatch(cell) is not None
-
-
-def is_hours_or_minutes(cell: str) -> bool:
-    """Return whether the first cell of a column may be either 0 h 05 min or 0 min 05 s."""
-    return re.fullmatch(r"0?0:\d\d", cell) is not None
-
-
-def is_date(cell: str) -> bool:
-    """Return whether a cell is a date without a time of day."""
-    return _DATE.fullmatch(cell) is not None
-
-
-def is_day_or_month(cells: Iterable[str]) -> bool:
-    """Return whether the dates are ambiguous in day and month, such as 03/04/2026 and 03/05/2026."""
-    dates = {match.group(): match.group(1) for match in map(_SLASHED.match, cells) if match}
-    return len(dates) > 1 and all(int(first) <= 12 for first in dates.values())
-
-
-def month_or_day_first(cells: Sequence[str]) -> str:
-    """Return "month" or "day" if only with it first dates such as 03/04/2026 follow each other day by day, else "".
-
-    Of a log with a row or two for each date, which may be one of a month, nothing is inferred.
+    Args:
+        cells: of the column.
+        decimal_commas: whether the user says that its numbers have decimal commas; None: that is not known.
     """
-    dates = list(dict.fromkeys(found.groups() for cell in cells if (found := _SLASHED.match(cell)) is not None))
-    if len(cells) < _ROWS_OF_DATE * len(dates):
-        return ""
-    longest = {}
-    for order, month, day in (("month", 0, 1), ("day", 1, 0)):
-        try:
-            days = [date(int(found[2]) % 100 + 2000, int(found[month]), int(found[day])).toordinal() for found in dates]
-        except ValueError:
-            return ""
-        longest[order] = max(abs(after - before) for before, after in pairwise(days))
-    order = min(longest, key=lambda first: longest[first])
-    return order if longest[order] <= _DAY_BY_DAY and max(longest.values()) > _MONTH_BY_MONTH else ""
-
-
-_ROWS_OF_DATE: Final = 4
-_DAY_BY_DAY: Final = 7  # days
-_MONTH_BY_MONTH: Final = 20
-
-
-def month_first(cells: Iterable[str], *, turn: bool = False) -> str:
-    """Return the first date that can only be month first, day first then; with `turn` every slashed date is turned."""
-    for cell in cells:
-        match = _SLASHED.match(cell)
-        if match and (turn or int(match[2]) > 12):
-            return f"{match[2]}/{match[1]}/{match[3]}{cell[match.end():]}"
+    for mark, other in ((",", "."), (".", ",")):
+        if not cells.holds(mark) or not all(
+                _GROUPED[mark].fullmatch(cell) for cell in cells[:_GROUPS_TRIED] if mark in cell):
+            continue
+        written = [cell for cell in cells if not says_nothing(cell)]
+        marked = [cell for cell in written if mark in cell]
+        sure = any(cell.count(mark) > 1 or other in cell for cell in marked)
+        if decimal_commas is None and not sure and len(marked) == len(written):
+            continue  # three decimals, or thousands of which nothing shows that they are
+        if not all(map(_GROUPED[mark].fullmatch, marked)):
+            continue
+        if decimal_commas is not None:
+            return mark if decimal_commas == (mark == ".") else ""
+        if (sure and len(marked) > _FEW_GROUPED * len(written)) or _goes_on(written, mark, other):
+            return mark
     return ""
 
 
-_FIGURE: Final = r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?"
+def _goes_on(cells: Sequence[str], mark: str, decimal_mark: str) -> bool:
+    """Return whether numbers without a mark, up to 999, and those with it follow each other as thousands."""
+    figures = [found[0] for cell in cells if (found := re.match(r"[+-]?[\d.,]+", cell)) is not None]
+    if len(figures) < len(cells) or not any(mark not in figure for figure in figures):
+        return False
+    try:
+        grouped, decimal = (np.array([
+            float(figure.replace(mark, between).replace(decimal_mark, ".")) for figure in figures])
+            for between in ("", "."))
+    except ValueError:
+        return False
+    return bool(_largest_step(grouped) <= _FAR * _largest_step(decimal))
+
+
+def _largest_step(values: Array) -> float:
+    """Return the largest step between two values as a share of their span; shape (n,)."""
+    return float(np.max(np.abs(np.diff(values)), initial=0.0) / max(float(np.ptp(values)), 1e-12))
+
+
 _NUMBER: Final = re.compile(rf"{_FIGURE}|[+-]?(?:nan|inf|infinity)", re.IGNORECASE)
 _COMMA: Final = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 _POINT: Final = re.compile(r"[+-]?\d*\.\d+([eE][+-]?\d+)?")
@@ -310,10 +271,14 @@ NOTHING: Final = frozenset((
 _ON: Final = frozenset((
     "true", "on", "yes", "ja", "ein", "an", "wahr", "heating", "high", "active", "aktiv", "run", "running", "ligado",
     "marche", "encendido", "acceso", "aan", "вкл", "включено", "zał", "zapnuto", "på", "päällä", "açık", "オン", "开",
-    "켜짐"))
+    "켜짐", "开启", "켬", "入", "t", "y", "vrai", "vero", "verdadero", "verdadeiro", "sí", "si", "sim", "oui", "waar",
+    "prawda", "pravda", "истина", "да", "till", "til", "tændt", "be", "włączony", "włączona", "evet", "ναι", "ανοιχτό",
+    "tosi", "igaz", "是"))
 _OFF: Final = frozenset(("false", "off", "no", "nein", "aus", "falsch", "idle", "low", "inactive", "inaktiv", "stop",
     "stopped", "standby", "desligado", "arrêt", "apagado", "spento", "uit", "выкл", "выключено", "wył", "vypnuto", "av",
-    "pois", "kapalı", "オフ", "关", "꺼짐"))
+    "pois", "kapalı", "オフ", "关", "꺼짐", "关闭", "끔", "切", "f", "n", "faux", "falso", "não", "non", "onwaar",
+    "fałsz", "nepravda", "ложь", "нет", "från", "fra", "slukket", "ki", "wyłączony", "wyłączona", "hayır", "όχι", "οχι",
+    "κλειστό", "epätosi", "hamis", "否"))
 
 
 def is_number(cell: str) -> bool:
@@ -343,12 +308,21 @@ def is_switch_word(cell: str) -> bool:
     return cell.lower() in _ON | _OFF
 
 
-def plain_quantities(cells: CellColumn) -> tuple[CellColumn, str, bool] | None:
+def plain_quantities(
+    cells: CellColumn, *, decimal_commas: bool | None = None
+) -> tuple[CellColumn, str, bool] | None:
     """Return plain numbers, the common unit, and whether there were decimal commas; None if nothing changes.
 
-    A column with both commas and points is left unchanged, because one of them may group thousands; so is one with two
-    units.
+    A column with both commas and points of which neither is certain to group thousands is left unchanged; so is one
+    with two units.
+
+    Args:
+        cells: of a column.
+        decimal_commas: whether the user says that its numbers have decimal commas; None: that is not known.
     """
+    if mark := group_mark(cells, decimal_commas=decimal_commas):
+        cells = cells.map(lambda cell: cell.replace(mark, "") if _GROUPED[mark].fullmatch(cell) else cell)
+        return plain_quantities(cells) or (cells, "", False)
     first = next((cell for cell in cells if not says_nothing(cell)), "")
     if not is_quantity(first) and not cells.holds(","):
         return None
@@ -371,7 +345,7 @@ def plain_quantities(cells: CellColumn) -> tuple[CellColumn, str, bool] | None:
         text = figure(cell)
         return text.replace(",", ".") if commas and _COMMA.fullmatch(text) else text
 
-    return cells.map(plain), unit, commas
+    return cells.map(plain), unit.strip("°º") and unit, commas
 
 
 def _common_unit(kinds: Iterable[str]) -> str:
@@ -413,6 +387,8 @@ def join_decimals(file: Path, rows: Grid, stated: str | None, repairs: list[str]
     words = [row for row in rows[:_SAMPLE] if 1 < len(row) < width and all(row) and not any(
         is_number(cell) or is_quantity(cell) or stamp(cell) is not None for cell in row)]
     names = max(words, key=lambda row: len({role_of(cell) for cell in row}), default=None)
+    if names is None and any(len(row) == width and role_of(row[0]) for row in rows[:_SAMPLE]):
+        return  # as many names as cells: the commas of numbers are quoted
     if stated is not None:
         columns = () if stated == "none" else _stated(file, stated, names)
     elif names is None:

@@ -17,6 +17,7 @@ from heatertune.arrays import Array
 from heatertune.errors import InputError, LogError, OutOfRange
 from heatertune.log.cells import plain_cells, read_sheet
 from heatertune.log.cleaning import (
+    in_order,
     kept_rows,
     no_readings,
     one_run,
@@ -24,6 +25,7 @@ from heatertune.log.cleaning import (
     tell_gaps,
     without_strays,
     without_unreadable_power,
+    without_unset_clock,
 )
 from heatertune.log.columns import (
     CLOCK_UNITS,
@@ -31,11 +33,13 @@ from heatertune.log.columns import (
     TIME_UNITS,
     Columns,
     cell_error,
+    demand_one_form,
     find_columns,
     forwards,
     likely_time_unit,
     numbers,
     seconds,
+    with_clock_parts,
     with_dates,
     with_names,
 )
@@ -54,11 +58,11 @@ from heatertune.log.log_values import (
     built_in,
 )
 from heatertune.log.on_change import Mask, on_change, spread, without_blank_power
-from heatertune.log.power_range import power_of
+from heatertune.log.power_range import power_of, with_switch
 from heatertune.log.quantities import ROLES, is_scaled, on_or_off, says_nothing
 from heatertune.log.sheet import Sheet
 from heatertune.log.side_columns import SIDE_ROLES, is_cooling, moving_heaters, quoted
-from heatertune.log.tags import TagSelection, TagTable, by_tags, with_power_rows
+from heatertune.log.tags import TagSelection, TagTable, by_tags, common_instants, with_power_rows
 from heatertune.options import merge_options, with_options
 from heatertune.settings import ReadSettings
 from heatertune.units import count, degF_to_degC, kelvin_to_degC
@@ -72,7 +76,7 @@ if TYPE_CHECKING:
     from heatertune.keywords import ReadOptions
 
 __all__ = [
-    "SIGNS", "RowCounts", "log_of", "read_log", "stated_units", "taken_of",
+    "SIGNS", "RowCounts", "clock_shifts_s", "log_of", "read_log", "stated_units", "taken_of",
 ]
 
 
@@ -226,25 +230,14 @@ def read_log(
     table = built_in(str(source).lower()) if named else None
     sheet, doubts = _opened(Path(source), table, content, asked)
     sheet, asked = _with_power_log(sheet, asked, power_content)
-    given = (asked.time_column, asked.temperature_column, asked.power_column, asked.setpoint_column)
-    wanted = {role: column for role, column in zip(ROLES, given, strict=True) if column is not None}
-    sides = {role: getattr(asked, f"{role}_column") for role in SIDE_ROLES}
-    wanted |= {role: column for role, column in sides.items() if column is not None}
-    tags = TagSelection(
-        temperature=None if sheet.part else asked.tag, power=asked.power_tag, setpoint=asked.setpoint_tag,
-        column=asked.tag_column, quality=asked.quality_column, value=asked.temperature_column, time=asked.time_column,
-        date=asked.date_column)
-    tagged = by_tags(sheet, tags, asked.time_unit)
-    if tagged.is_long:
-        _demand_no_sides(sheet, wanted, tagged.unused)
-    sheet = plain_cells(tagged.sheet) if tagged.is_long else tagged.sheet
-    columns = find_columns(sheet, tagged.wanted or wanted, counted=asked.sample_time_s is not None)
-    sheet, columns = with_dates(sheet, columns, None if tagged.is_long else asked.date_column)
+    sheet, asked = with_switch(sheet, asked)
+    tagged, sheet, columns = _placed(sheet, asked)
     repairs = [*sheet.repairs, *columns.notes]
     if asked.sample_time_s is None:
         sheet = without_strays(sheet, columns, repairs)
     clock = seconds(sheet, columns, asked.time_unit, asked.sample_time_s, repairs)
     sheet, time = forwards(sheet, clock.values, repairs)
+    sheet, time = in_order(*without_unset_clock(sheet, time, repairs), repairs)
     sheet, time, chosen_run = one_run(sheet, time, asked.run, repairs)
     time = spread_instants(sheet, columns, time, repairs)
     sheet, time, edges = without_blank_power(sheet, columns, time, repairs)
@@ -261,8 +254,7 @@ def read_log(
     power = power_of(sheet, columns, asked.power_full_scale, repairs, doubts, levels=asked.power_levels,
                      temperature_degC=np.where(kept, temperature, np.nan))
     every: dict[str, LogSignal | None] = {
-        "time": clock._replace(values=time),
-        "temperature": unit._replace(values=temperature),
+        "time": clock._replace(values=time), "temperature": unit._replace(values=temperature),
         "power": _with_cooling(sheet, columns, power, repairs), "setpoint": setpoint, "disturbance": disturbance,
         "ambient": _setpoint(sheet, columns, unit.unit, 1.0, repairs, role="ambient")[0]}
     signals, continued = _on_own_clocks(
@@ -276,9 +268,47 @@ def read_log(
         options={"sample_time_s": asked.sample_time_s, "run": chosen_run, "skip_empty": asked.skip_empty,
                  "errata": asked.errata, "skip_rows": max(asked.skip_rows, sheet.above),
                  "temperature_scale": asked.temperature_scale, "decimal_comma": asked.decimal_comma,
-                 "tag": sheet.part or None, "power_log": asked.power_log},
+                 "tag": sheet.part or None, "power_log": asked.power_log, "power_on": asked.power_on},
     )
     return _log(source, table, sheet, signals, tuple(repairs), tuple(doubts), taken)
+
+
+def _placed(sheet: Sheet, settings: ReadSettings) -> tuple[TagTable, Sheet, Columns]:
+    """Return which tags were selected, the cells, and which column is what."""
+    stated = {role: getattr(settings, f"{role}_column") for role in (*ROLES, *SIDE_ROLES)}
+    wanted = {role: column for role, column in stated.items() if column is not None}
+    tags = TagSelection(
+        temperature=None if sheet.part else settings.tag, power=settings.power_tag, setpoint=settings.setpoint_tag,
+        column=settings.tag_column, quality=settings.quality_column, value=settings.temperature_column,
+        time=settings.time_column, date=settings.date_column)
+    tagged = by_tags(sheet, tags, settings.time_unit)
+    if tagged.is_long:
+        _demand_no_sides(sheet, wanted, tagged.unused)
+    sheet = plain_cells(tagged.sheet, settings.decimal_comma) if tagged.is_long else tagged.sheet
+    columns = find_columns(sheet, tagged.wanted or wanted, counted=settings.sample_time_s is not None)
+    demand_one_form(sheet, columns, settings.decimal_comma)
+    sheet, columns = with_dates(sheet, columns, None if tagged.is_long else settings.date_column)
+    sheet, columns = with_clock_parts(sheet, columns)
+    return tagged, sheet, columns
+
+
+def clock_shifts_s(paths: Sequence[Path], settings: ReadSettings) -> list[float]:
+    """Return for each of several files what added to the time of its log gives that of the first file's clock [s].
+
+    Args:
+        paths: of the files.
+        settings: how each is read.
+
+    Raises:
+        LogError: files whose times cannot be compared, go backwards, or are of different days.
+    """
+    if settings.sample_time_s is not None:
+        return [0.0] * len(paths)
+    placed = [_placed(_opened(path, None, None, settings)[0], settings)[1:] for path in paths]
+    sheet, own = placed[0]
+    begins_s = [float(common_instants(sheet, own, *each, settings.time_unit)[1][0]) for each in placed]
+    return [begin_s - float(seconds(each, columns, settings.time_unit, None, []).values[0])
+            for begin_s, (each, columns) in zip(begins_s, placed, strict=True)]
 
 
 def _demand_no_sides(sheet: Sheet, wanted: Mapping[str, str | int], unused: Sequence[str]) -> None:
@@ -426,7 +456,7 @@ def _opened(
     doubts = list(table.doubts if table else ())
     if table:
         sheet = _errata(table, sheet, settings.errata, doubts)
-    return plain_cells(sheet), doubts
+    return plain_cells(sheet, settings.decimal_comma), doubts
 
 
 def _with_power_log(sheet: Sheet, settings: ReadSettings, content: bytes | None) -> tuple[Sheet, ReadSettings]:
@@ -451,7 +481,8 @@ def _log(
             name=table.name if table else display_name(Path(source).stem),
             source=table.source if table else display_name(str(source)),
             repairs=repairs, warnings=doubts, same_heater=table.same_heater if table else (), taken=taken,
-            rests_at_degC=table.rests_at_degC if table else None, pwm_period_s=sheet.pwm_period_s, signals=shown,
+            rests_at_degC=table.rests_at_degC if table else None,
+            output_limit_pct=table.output_limit_pct if table else None, pwm_period_s=sheet.pwm_period_s, signals=shown,
         )
     except OutOfRange as problem:
         raise LogError(str(problem), file=sheet.file) from problem

@@ -6,6 +6,7 @@ most (titles, names, a row that was cut) stand aside until it is known which are
 
 from __future__ import annotations
 
+import re
 from array import array
 from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -139,6 +140,12 @@ class CellColumn(Sequence[str]):
         return not (isinstance(self._texts, TextParts) and mark not in self._texts.text) and any(
             mark in cell for cell in self.kinds())
 
+    def matches(self, mark: re.Pattern[str]) -> bool:
+        """Return whether a mark occurs in a cell."""
+        if isinstance(self._texts, TextParts):
+            return mark.search(self._texts.text) is not None
+        return any(mark.search(cell) is not None for cell in self.kinds())
+
     def has_text(self) -> Mask:
         """Return which cells are not empty, shape (n,)."""
         return self._texts.has_text() if isinstance(self._texts, TextParts) else self.where(bool)
@@ -246,6 +253,11 @@ class Grid(Sequence[list[str]]):
     def width(self) -> int:
         """Number of cells of most rows."""
         return len(self.columns)
+
+    def change(self, change: Callable[[str], str], mark: re.Pattern[str]) -> None:
+        """Change the text of each cell, in the columns in which a mark occurs."""
+        self.columns = [column.map(change) if column.matches(mark) else column for column in self.columns]
+        self.aside = {k: list(map(change, row)) for k, row in self.aside.items()}
 
     def cut(self, width: int) -> None:
         """Remove the cells beyond a width."""

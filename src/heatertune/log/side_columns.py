@@ -13,12 +13,21 @@ import numpy as np
 
 from heatertune.arrays import Array
 from heatertune.errors import LogError
-from heatertune.log.quantities import is_second_choice, on_or_off, role_of, says_nothing, unit_in_name
+from heatertune.log.quantities import (
+    is_number,
+    is_quantity,
+    is_second_choice,
+    on_or_off,
+    role_of,
+    says_nothing,
+    unit_in_name,
+)
 from heatertune.log.sheet import CellColumn, Sheet
+from heatertune.log.timestamps import stamp
 
 __all__ = [
     "SIDE_ROLES", "add_side_columns", "demand_no_likely_power", "demand_own_temperature", "is_cooling", "is_fan",
-    "likely_power", "moving_heaters", "quoted",
+    "is_measured", "likely_power", "moving_heaters", "quoted",
 ]
 
 
@@ -41,7 +50,7 @@ def likely_power(name: str, cells: CellColumn, *, in_percent: bool = False) -> b
     if len(written) < len(cells) * (1.0 - _MOST_TEXT) or all(
             cell == written[0] for cell in written.kinds()) or _NO_POWER.search(name):
         return False
-    if on_or_off(written) is not None:
+    if on_or_off(written) is not None or _two_words(written):
         return True
     if (values := written.floats()) is None:
         return False
@@ -53,6 +62,20 @@ def likely_power(name: str, cells: CellColumn, *, in_percent: bool = False) -> b
     if in_percent or is_set:
         return lowest >= 0.0 or (cools and (is_set or lowest >= -100.0))
     return bool(lowest == 0.0 and changes <= _FEW_CHANGES)
+
+
+_LONGEST_WORD: Final = 20
+
+
+def _two_words(cells: CellColumn) -> tuple[str, ...]:
+    """Return the two words that a column alternates between, as a switch in a language that is not known, or ()."""
+    kinds = tuple(dict.fromkeys(cells.kinds()))
+    are_words = len(kinds) == _TWO and not any(
+        is_number(kind) or is_quantity(kind) or stamp(kind) is not None or len(kind) > _LONGEST_WORD for kind in kinds)
+    return kinds if are_words else ()
+
+
+_TWO: Final = 2
 
 
 def demand_no_likely_power(sheet: Sheet, index: Mapping[str, int]) -> None:
@@ -67,8 +90,12 @@ def demand_no_likely_power(sheet: Sheet, index: Mapping[str, int]) -> None:
                   sheet.units and sheet.units[i] in ("%", "pct")))]
     if likely:
         names = [quoted(names[i]) if names[i] else str(i + 1) for i in likely]
-        raise LogError(f"no column is named as the power, but {' or '.join(names)} may be it by its numbers",
-                       file=sheet.file, expected=f"--power-column {names[0]}, or --power-column none")
+        cells = _written(sheet.columns[likely[0]])
+        words = [] if on_or_off(cells) is not None else [f"--power-on {quoted(word)}" for word in _two_words(cells)]
+        ways = f"{' or '.join(words)}, the cell that means on" if words else f"--power-column {names[0]}"
+        raise LogError(f"no column is named as the power, but {' or '.join(names)} may be it by its "
+                       f"{'words' if words else 'numbers'}", file=sheet.file,
+                       expected=f"{ways}, or --power-column none")
 
 
 def demand_own_temperature(sheet: Sheet, index: Mapping[str, int]) -> None:
@@ -81,7 +108,7 @@ def demand_own_temperature(sheet: Sheet, index: Mapping[str, int]) -> None:
     if not is_second_choice(name):
         return
     others = [i for i, head in enumerate(sheet.header) if i not in index.values() and role_of(head) is None
-              and _is_measured(sheet.columns[i])]
+              and is_measured(sheet.columns[i])]
     if others:
         names = [quoted(sheet.header[i]) if sheet.header[i] else str(i + 1) for i in others]
         raise LogError(f"the only temperature by its name is {name!r}, but {' or '.join(names)} may be the heater's",
@@ -92,7 +119,7 @@ def demand_own_temperature(sheet: Sheet, index: Mapping[str, int]) -> None:
 _MEASURED: Final = 10  # values, at least
 
 
-def _is_measured(cells: CellColumn) -> bool:
+def is_measured(cells: CellColumn) -> bool:
     """Return whether a column holds numbers of many values, that do not only grow."""
     values = _written(cells).floats()
     return values is not None and len(np.unique(values)) > _MEASURED and bool(np.any(np.diff(values) < 0.0))

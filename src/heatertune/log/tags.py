@@ -31,11 +31,11 @@ from heatertune.log.quantities import (
     plain_quantities,
     role_of,
     says_nothing,
-    stamp,
     unit_in_name,
 )
 from heatertune.log.sheet import CellColumn, Sheet
 from heatertune.log.side_columns import likely_power, quoted
+from heatertune.log.timestamps import has_zone, stamp
 from heatertune.settings import ReadSettings
 from heatertune.units import count
 
@@ -541,7 +541,6 @@ def _refined(sheet: Sheet, place: int) -> Sheet:
         return sheet
 
 
-_ZONE: Final = re.compile(r"(Z|UTC|[+-]\d\d:?\d\d)$")
 _REPEATS: Final = 0.02  # of the rows of a power's file may repeat the one before, if it holds its changes
 _NEAR: Final = 1.0  # length of the log by which the power may end before it
 
@@ -571,7 +570,7 @@ def with_power_rows(sheet: Sheet, powers: Sheet, settings: ReadSettings) -> tupl
     power = _power_place(powers, settings)
     powers, other = with_dates(powers, find_columns(
         powers, {"temperature": power + 1, "power": NO_COLUMN, "setpoint": NO_COLUMN}), None)
-    at_s, power_s = _common_s(sheet, own, powers, other, settings.time_unit)
+    at_s, power_s = common_instants(sheet, own, powers, other, settings.time_unit)
     width = len(sheet.columns)
     instants, lines, power_lines = at_s.tolist(), sheet.lines.tolist(), [0] * len(sheet)
     powers_of, times = [""] * len(sheet), list[str]()
@@ -619,8 +618,21 @@ def _power_place(powers: Sheet, settings: ReadSettings) -> int:
     return candidates[0]
 
 
-def _common_s(sheet: Sheet, own: Columns, powers: Sheet, columns: Columns, unit: str | None) -> tuple[Array, Array]:
-    """Return the instants of both files from the first row of the temperature, shapes (n,) and (m,) [s]."""
+def common_instants(
+    sheet: Sheet, own: Columns, powers: Sheet, columns: Columns, unit: str | None
+) -> tuple[Array, Array]:
+    """Return the instants of two files from the first row of the first file, shapes (n,) and (m,) [s].
+
+    Args:
+        sheet: the first file.
+        own: its columns.
+        powers: the other file.
+        columns: its columns.
+        unit: of a time in numbers; None: from its name or digits.
+
+    Raises:
+        LogError: times that cannot be compared, go backwards, or of another day.
+    """
     if "time" not in columns.index or "time" not in own.index:
         file = sheet if "time" not in own.index else powers
         raise LogError("the file has no time column", file=file.file, expected="a time in both files")
@@ -628,7 +640,7 @@ def _common_s(sheet: Sheet, own: Columns, powers: Sheet, columns: Columns, unit:
     units = own.unit("time"), columns.unit("time")
     ways = {
         f"as {first!r}": is_number(first) == is_number(second),
-        "a time zone in both files or in none": (_ZONE.search(first) is None) == (_ZONE.search(second) is None),
+        "a time zone in both files or in none": has_zone(first) == has_zone(second),
         f"--time-unit {units[0] or units[1]}, if both are in {units[0] or units[1]}":
             unit is not None or not is_number(first) or units[0] == units[1]}
     for expected, holds in ways.items():
@@ -645,6 +657,6 @@ def _common_s(sheet: Sheet, own: Columns, powers: Sheet, columns: Columns, unit:
                            expected="one run in each of the two files, in the order of its time")
     at_s, power_s = at_s - at_s[0], np.round(power_s - power_s[0] + begins, 6)
     if power_s[0] > at_s[-1] or power_s[-1] < -_NEAR * at_s[-1]:
-        raise LogError("powers from another time than the temperatures", file=powers.file, line=int(powers.lines[0]),
+        raise LogError("a log from another time than the first one", file=powers.file, line=int(powers.lines[0]),
                        value=second, expected=f"times near {first}")
     return np.round(at_s, 6), power_s

@@ -25,15 +25,19 @@ from heatertune.model.outliers import replace_outliers, sensor_step
 from heatertune.model.power.uncertainty import told_apart
 from heatertune.model.reduction import ultimate_period_s, zero_s
 from heatertune.model.statistics import Interval
+from heatertune.model.two_scales import TwoScale
 from heatertune.units import check
 
-__all__ = ["DelaysKnown", "logged_range_degC", "reading_step_degC", "setpoint_of", "with_late_power", "with_pwm_hidden"]
+__all__ = ["DelaysKnown", "logged_range_degC", "pool_candidates", "reading_step_degC", "setpoint_of", "with_late_power",
+           "with_neighbours", "with_pwm_hidden", "without_neighbours"]
 
 
 _EARLIER: Final = 0.5  # periods by which the heater's dead time may be longer than it looks
 _ROWS: Final = 2  # of the log by which a power may be late: one in which it changed, and one of a logger
 _LATE: Final = 0.05  # time constants by which a power may be late before gain and time constant are wrong as well
 _RIPPLE: Final = 0.25  # periods per time constant by which the gain may differ
+_HEATERS: Final = 8  # equal ones on one mass: extruders and ovens rarely have more zones
+_MOVING: Final = f"{_HEATERS} equal heaters on its mass move alike"
 
 
 def with_pwm_hidden(fitted: FittedModel, period_s: float) -> FittedModel:
@@ -89,6 +93,39 @@ def with_late_power(
         ci95=fitted.ci95 if dead is None or dead.high is None else {
             **fitted.ci95, "dead_time_s": replace(dead, high=dead.high + _room(dead.high, late_s, most_s))},
     )
+
+
+def with_neighbours(fitted: FittedModel, *, alone: bool) -> FittedModel:
+    """Return the fit with the heaters that a controller sees where other equal ones heat the same slow mass.
+
+    The log of one heater of two time scales looks the same with and without others that rest. Controllers that pass
+    one by one may swing together, so each is designed and proven on both: alone, and with all others moving like it.
+
+    Args:
+        fitted: a heater with its plausible ones.
+        alone: the user knows that no other heater heats the mass.
+    """
+    moving = [
+        replace(each, model=each.model.with_neighbours(_HEATERS), part=f"{each.part}; {_MOVING}".removeprefix("; "))
+        for each in fitted.candidates if isinstance(each.model, TwoScale)]
+    if not moving:
+        note = ("--alone changes nothing: the log shows one time scale. Heaters that heat one block look like that "
+                "too: if others do, design them together (heatertune design LOG --zones NAMES).")
+        return replace(fitted, notes=(*fitted.notes, note)) if alone else fitted
+    if alone:
+        message = "no other heater heats its slow mass, as was stated (--alone)"
+        return replace(fitted, findings=(*fitted.findings, Finding(name="alone", message=message)))
+    message = (f"The log looks the same whether other heaters heat the slow mass or not. If {_HEATERS} equal ones move "
+               f"alike, each has a gain of {moving[0].model.gain_degC_per_pct:.3g} °C/%, and controllers that pass "
+               "alone may swing together; the plausible heaters hold that as well. It makes the controller slower; "
+               "--alone states that no other heater heats the mass.")
+    return replace(fitted, candidates=(*fitted.candidates, *moving), notes=(*fitted.notes, message),
+                   findings=(*fitted.findings, Finding(name="shared-mass", message=message)))
+
+
+def without_neighbours(fitted: FittedModel) -> FittedModel:
+    """Return the fit without the heaters that `with_neighbours` added: what a log of the heater alone can show."""
+    return replace(fitted, candidates=tuple(each for each in fitted.candidates if not each.part.endswith(_MOVING)))
 
 
 def _hardest(candidates: Sequence[Candidate], late_s: float) -> Iterator[Candidate]:
@@ -239,3 +276,16 @@ def setpoint_of(log: Log) -> float:
     if asked is not None and asked > low + _ABOVE * span:
         return asked
     return round(low + _USED * span, 1) if log.rests_at_degC is None else log.rests_at_degC
+
+
+def pool_candidates(fitted: FittedModel, others: Sequence[FittedModel]) -> FittedModel:
+    """Return the fit with the candidates of other logs of the same heater added."""
+    added = tuple(candidate for other in others for candidate in other.candidates)
+    if not added:
+        return fitted
+    logs = ", ".join(dict.fromkeys(candidate.log for candidate in added))
+    note = f"Candidates of {logs}, a log of the same heater, were added: a design has to serve them too."
+    ranges = [each.logged_range_degC for each in (fitted, *others)]
+    known = [limits for limits in ranges if limits is not None]
+    whole = (min(low for low, _ in known), max(high for _, high in known)) if known else None
+    return replace(fitted, candidates=fitted.candidates + added, notes=(*fitted.notes, note), logged_range_degC=whole)

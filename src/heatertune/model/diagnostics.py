@@ -84,12 +84,15 @@ def unit_findings(fitted: FittedModel, logs: Sequence[Log]) -> tuple[Finding, ..
         if taken.assumed or doubts:
             findings.append(Finding(name="unit-assumed", message=_unit_sentence(taken, doubts)))
         if taken.begins_as_room and "temperature" not in doubts:
-            findings.append(Finding(name="begins-as-room", message=(
-                f"nothing in {taken.file} shows the unit of {_HOLDS['temperature']} "
-                f"({taken.columns['temperature'][0]}); it is taken as °C because it begins at "
-                f"{float(log.temperature_degC[0]):.3g}, a room temperature only in °C; state it for a heater in the "
-                f"cold: {taken.unit_option('temperature')}")))
+            findings.append(_begins_as_room(taken, float(log.temperature_degC[0])))
     return tuple(findings)
+
+
+def _begins_as_room(taken: ReadSummary, first_degC: float) -> Finding:
+    return Finding(name="begins-as-room", message=(
+        f"nothing in {taken.file} shows the unit of {_HOLDS['temperature']} ({taken.columns['temperature'][0]}); it is "
+        f"taken as °C because it begins at {first_degC:.3g}, a room temperature only in °C; state it for a heater in "
+        f"the cold: {taken.unit_option('temperature')}"))
 
 
 def neighbour_findings(logs: Sequence[Log]) -> tuple[Finding, ...]:

@@ -65,6 +65,15 @@ KINDS: Final[dict[str, FindingKind]] = {
         "blocks", "the log looks like two-level control whose power was not logged",
         "state that it switches full power (--thermostat LOW HIGH), or add the power as a column: full power in % "
         "while the heater was on, else 0"),
+    "thermostat": FindingKind(
+        "told", "a thermostat at the stated thresholds switched the heater between full power and none",
+        "leave out --thermostat where the heater was switched in another way", is_assumption=True),
+    "largest-power-unknown": FindingKind(
+        "blocks", "the largest output of the controller is taken as full power",
+        "state the largest power that the heater got in the log (--largest-power PCT), or log the power"),
+    "largest-power": FindingKind(
+        "told", "the heater got the stated largest power in a log without power",
+        "leave out --largest-power if it is not known", is_assumption=True),
     "on-bound": FindingKind(
         "blocks", "a fitted parameter lies at a bound of its search",
         "log the power as well, or one open-loop step and its power"),
@@ -147,14 +156,20 @@ KINDS: Final[dict[str, FindingKind]] = {
         "log them together and design them as zones (heatertune design LOG --zones NAMES), or log this heater again "
         "with the others at rest", by_case=True),
     "shared-mass": FindingKind(
-        "blocks", "most of the heat goes through a slow mass, which other heaters may heat too",
-        "log all heaters together and design them as zones (heatertune design LOG --zones NAMES)"),
+        "widens", "other heaters may heat its slow mass and move with it",
+        "state that none does (--alone), or log all heaters together and design them as zones (heatertune design LOG "
+        "--zones NAMES)"),
+    "alone": FindingKind(
+        "told", "no other heater heats its slow mass", "leave out --alone where one does", is_assumption=True),
     "unit-assumed": FindingKind(
         "blocks", "a unit is assumed for which the log has no evidence",
         "check and state it (--time-unit, --temperature-unit, --power-full-scale; heatertune read shows which)"),
     "begins-as-room": FindingKind(
         "told", "the temperature is in °C, as the log begins like a room in °C",
         "state it if it is not (--temperature-unit)", is_assumption=True),
+    "one-clock": FindingKind(
+        "told", "the files of the zones without dates begin at the same instant",
+        "log dates, or all zones in one file", is_assumption=True),
     "closed-loop": FindingKind(
         "told", "the log is of a closed loop", "log one open-loop step"),
     "no-power": FindingKind(

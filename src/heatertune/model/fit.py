@@ -11,7 +11,7 @@ import numpy as np
 
 from heatertune.errors import InputError, OutOfRange
 from heatertune.log.log_values import MOST_REPAIRED, Log
-from heatertune.model.circumstances import DelaysKnown
+from heatertune.model.circumstances import DelaysKnown, with_neighbours
 from heatertune.model.cooler_mirror import middle_degC, mirror_heater, mirrored_log
 from heatertune.model.diagnostics import Remark, findings_of, neighbour_findings, unit_findings
 from heatertune.model.disturbance import DisturbanceEffect, LossEffect
@@ -20,7 +20,7 @@ from heatertune.model.model_values import FitOutcome, FittedModel, model_by_hand
 from heatertune.model.outliers import undisturbed_part
 from heatertune.model.power.explanation import Explanation, explain_log
 from heatertune.model.power.feedback import loop_remarks
-from heatertune.model.power.fit_logs import fit_logs
+from heatertune.model.power.fit_logs import fit_logs, two_scales_of_logs
 from heatertune.model.power.fit_power import fit_extended, fit_power, weigh_fit
 from heatertune.model.power.known_controller import KnownController, compare, offset_degC, rate, records, replay_notes
 from heatertune.model.power.load_steps import is_sensible
@@ -31,8 +31,9 @@ from heatertune.model.relay_test import with_relay
 from heatertune.model.statistics import autocorrelation, envelope, holds, identified_interval
 from heatertune.model.temperature.closed_loop import Bounds, ControllerLaw
 from heatertune.model.temperature.evidence import is_faster_than_rows
-from heatertune.model.temperature.fit_temperature import fit_temperature
-from heatertune.model.temperature.two_level import Thermostat, fit_logged_switchings, fit_two_level
+from heatertune.model.temperature.fit_temperature import fit_temperature, room_bounds
+from heatertune.model.temperature.thresholds import Thermostat
+from heatertune.model.temperature.two_level import fit_logged_switchings, fit_two_level
 from heatertune.model.temperature.two_level_result import two_level_model
 from heatertune.options import merge_options
 from heatertune.settings import FitSettings
@@ -82,6 +83,7 @@ def fit(
         return _of_cooler(log, given, seed, progress)
     bounds, delays = _bounds(given.ambient_degC), _delays(given)
     _check_given(log, bounds, given.power_before_pct)
+    _refuse_largest_power(log, given)
     used, notes = _used(log, given)
     if used.power_pct is None:
         _refuse_disturbance(log)
@@ -89,16 +91,17 @@ def fit(
         _refuse_bound(log, delays)
         fitted, notes = _fit_unlogged(log, laws, bounds, given, seed, thorough, progress)
     else:
-        if given.thermostat is not None:
-            raise InputError(f"{log.name} contains the power, so its switchings are known: leave out --thermostat")
+        thermostat = Thermostat.stated(given.thermostat)
         used, bounds, side_notes = in_its_room(used, bounds)
         used, effect, loss = _cleared(used, progress)
         progress(f"{log.name}: fitting one and two lags to the logged power")
         fit_one = partial(_fit_logged, bounds=bounds, power_before_pct=given.power_before_pct, seed=seed, delays=delays)
         if used.cooling_pct is None:
             fitted = _with_switchings(used, with_loss(fit_one(used), loss), bounds)
-            fitted = with_relay(used, fitted, ambient_degC=_single(bounds))
+            fitted = with_relay(used, fitted, ambient_degC=_single(bounds), thermostat=thermostat)
         else:
+            if thermostat is not None:
+                raise InputError(f"{log.name} has a cooler, which no thermostat switches; leave out --thermostat")
             fitted, (used,) = fit_two_way([used], lambda logs: fit_one(logs[0]))
         loop = loop_remarks(used)
         fitted = _with_better_order(fitted) if loop else fitted
@@ -106,7 +109,8 @@ def fit(
         notes += tuple(remark.sentence for remark in loop)
         notes += () if effect is None else (effect.sentence,)
         fitted = replace(fitted, findings=(*fitted.findings, *findings_of(loop)), disturbance=effect)
-    return _of_files(delays.apply_to(replace(fitted, notes=notes + fitted.notes), [used]), [log])
+    fitted = with_neighbours(delays.apply_to(replace(fitted, notes=notes + fitted.notes), [used]), alone=given.alone)
+    return _of_files(fitted, [log])
 
 
 def _fit_unlogged(
@@ -115,10 +119,15 @@ def _fit_unlogged(
 ) -> tuple[FittedModel, tuple[str, ...]]:
     """Return the fit of a log without power, of two-level control if that is stated or explains it best, and notes."""
     used, notes = _used(log, settings)
+    if settings.from_s is not None and bounds is None:
+        bounds = room_bounds(log)  # the part that is used may begin warm
+        notes += (f"The room is that of the log's first reading, {log.temperature_degC[0]:.4g} °C, before --from; "
+                  "--ambient LOW HIGH states another.",)
     whole = log if settings.from_s is settings.until_s is None else used  # a quick heat-up may look like a jump
     thermostat = Thermostat.stated(settings.thermostat)
     progress(f"{log.name}: fitting the switchings of two-level control")
-    switched = fit_two_level(whole, ambient_degC=bounds, thermostat=thermostat)
+    switched = fit_two_level(
+        whole, ambient_degC=bounds, thermostat=thermostat, largest_power_pct=settings.largest_power_pct)
     if thermostat is not None:
         few = switched is None or not switched.has_many_rows or is_faster_than_rows(whole)
         if switched is None or (few and not switched.explains):
@@ -126,7 +135,8 @@ def _fit_unlogged(
                              f"{thermostat.high_degC:g} °C; log at a shorter interval, ten rows or more to a period")
         return two_level_model(switched, bounds), ()
     progress(f"{log.name}: fitting {len(laws)} controller laws inside the loop")
-    fitted = fit_temperature([used], laws, ambient_degC=bounds, seed=seed, thorough=thorough)
+    fitted = fit_temperature([used], laws, ambient_degC=bounds, seed=seed, thorough=thorough,
+                             largest_power_pct=settings.largest_power_pct)
     best, readings = fitted.hypotheses[0], len(fitted.residuals.time_s) if fitted.residuals else len(used.time_s)
     if switched is None or not switched.explains or not switched.is_better(best.rmse_degC, readings):
         return _with_faster_swing(fitted, used), notes
@@ -162,7 +172,9 @@ def _with_switchings(log: Log, fitted: FittedModel, bounds: Bounds | None) -> Fi
     """Return the fit of a power that switches between rows instead, if it explains the log better."""
     best = fitted.candidates[0]  # the working model: where two lags explain the log better, it is not that
     switched = fit_logged_switchings(log.on_one_clock(), fitted.model.dead_time_s, ambient_degC=bounds)
-    if switched is None or not switched.explains or not switched.is_better(best.rmse_degC, len(log.time_s)):
+    if switched is None or not (switched.explains and switched.follows_rows):
+        return fitted
+    if not switched.is_better(best.rmse_degC, len(log.time_s)):
         return fitted
     kept = tuple(finding for finding in fitted.findings if finding.name in ("one-level", "alias"))
     model = two_level_model(switched, bounds)
@@ -209,7 +221,7 @@ def _of_cooler(log: Log, settings: FitSettings, seed: int, progress: Callable[[s
 
 def _refuse_cooler(settings: FitSettings) -> None:
     if settings.thermostat is not None:
-        raise InputError("--thermostat needs a single log without power, and no other controller; leave it out")
+        raise InputError("--thermostat needs a single log, and no other controller; leave it out")
     if settings.cooler:
         raise InputError("--cooler needs a single log that contains the power; fit it separately")
 
@@ -241,6 +253,8 @@ def fit_known(
     """
     asked = merge_options(FitSettings, settings, changed)
     _refuse_cooler(asked)
+    if asked.largest_power_pct is not None:
+        raise InputError("--largest-power: a known controller's power is computed; leave it out")
     bounds, delays, power_before = _bounds(asked.ambient_degC), _delays(asked), asked.power_before_pct or 0.0
     _check_given(log, bounds, None)
     _refuse_disturbance(log)
@@ -308,6 +322,7 @@ def fit_together(
     parts, notes = [], []
     for log in logs:
         _check_given(log, bounds, given.power_before_pct)
+        _refuse_largest_power(log, given)
         _refuse_disturbance(log)
         used, own_notes = _used(log, given)
         parts.append(used)
@@ -326,8 +341,10 @@ def fit_together(
         for log in logs:
             _demand_laws(log, laws)
             _refuse_bound(log, delays)
-        fitted = fit_temperature(parts, laws, ambient_degC=bounds, seed=seed)
-    return _of_files(delays.apply_to(replace(fitted, notes=(*notes, *fitted.notes)), parts), logs)
+        fitted = fit_temperature(
+            parts, laws, ambient_degC=bounds, seed=seed, largest_power_pct=given.largest_power_pct)
+    fitted = with_neighbours(delays.apply_to(replace(fitted, notes=(*notes, *fitted.notes)), parts), alone=given.alone)
+    return _of_files(fitted, logs)
 
 
 def _of_files(fitted: FittedModel, logs: Sequence[Log]) -> FittedModel:
@@ -353,8 +370,9 @@ def _together(
         notes += [f"{log.name}: {note}" for note in own_notes]
         loops += loop_remarks(log)
     notes += [remark.sentence for remark in loops]
-    fitted = fit_logs(explanations, open_start=power_before_pct is None, seed=seed,
-                      least_dead_time_s=delays.least_dead_time_s(parts))
+    two_scales = two_scales_of_logs(explanations)
+    fitted = fit_extended(explanations, two_scales) if two_scales else fit_logs(
+        explanations, open_start=power_before_pct is None, seed=seed, least_dead_time_s=delays.least_dead_time_s(parts))
     return replace(fitted, notes=(*notes, *fitted.notes), findings=(*fitted.findings, *findings_of(loops)))
 
 
@@ -422,6 +440,11 @@ def _demand_laws(log: Log, laws: Sequence[ControllerLaw]) -> None:
         raise InputError(f"{log.name}: the power was not logged and no controller law was given to run in the fit")
 
 
+def _refuse_largest_power(log: Log, settings: FitSettings) -> None:
+    if log.power_pct is not None and settings.largest_power_pct is not None:
+        raise InputError(f"{log.name}: the power was logged, so --largest-power states nothing here; leave it out")
+
+
 def _refuse_bound(log: Log, delays: DelaysKnown) -> None:
     if delays.dead_time_at_most_s is not None:
         raise InputError(f"{log.name}: the power was not logged, so dead_time_at_most_s bounds nothing here: the "
@@ -440,7 +463,7 @@ def _fit_logged(
     """Return the fit of a log with power."""
     explanation, notes = _explained(log, bounds, power_before_pct, delays, believed=believed)
     if explanation.extended:
-        return fit_extended(explanation)
+        return fit_extended([explanation], explanation.extended)
     fitted = fit_power(explanation, weigh_fit(explanation, open_start=power_before_pct is None, seed=seed),
                        least_dead_time_s=delays.least_dead_time_s([log]), seed=seed)
     return replace(fitted, notes=notes + fitted.notes)
@@ -493,5 +516,5 @@ def _demand_excitation(log: Log, ambient_degC: float | None) -> None:
     if float(np.ptp(power)) == 0.0 and ambient_degC is None:
         raise InputError(
             f"{log.name}: {FitOutcome.NO_POWER_CHANGE.value} The power is {power[0]:g} % throughout; "
-            "or give --ambient, the temperature without power"
+            "or give one temperature as --ambient, that of the heater without power"
         )

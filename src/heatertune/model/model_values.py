@@ -50,6 +50,7 @@ class _Heater(Protocol):
     def ambient_degC(self) -> float | None: ...
     @property
     def lags_s(self) -> tuple[float, ...]: ...
+    def unit_step(self, since_s: Array) -> Array: ...
 
 
 class Dynamics:
@@ -85,7 +86,11 @@ class Dynamics:
         """
         heater = self._heater
         since = np.asarray(time_s, dtype=np.float64) - heater.dead_time_s
-        return heater.gain_degC_per_pct * power_pct * _unit_step(heater.lags_s, since)
+        return heater.gain_degC_per_pct * power_pct * heater.unit_step(since)
+
+    def unit_step(self, since_s: Array) -> Array:
+        """Return the response of the lags alone to a unit step `since_s` ago [s], 0 before it; shape of `since_s`."""
+        return since_step(np.maximum(since_s, 0.0), *self._heater.lags_s)[0]
 
     def predict(
         self, time_s: npt.ArrayLike, power_pct: npt.ArrayLike, *, ambient_degC: float | None = None,
@@ -119,7 +124,7 @@ class Dynamics:
         edges = steps != 0.0
         began, height = time[edges] + heater.dead_time_s, steps[edges]
         part = max(_AT_ONCE // max(len(began), 1), 1)
-        risen = [_unit_step(heater.lags_s, later[:, None] - began) @ height
+        risen = [heater.unit_step(later[:, None] - began) @ height
                  for later in np.split(time, range(part, len(time), part))]
         return np.asarray(ambient + heater.gain_degC_per_pct * (before + np.concatenate(risen)))
 
@@ -158,11 +163,6 @@ class Dynamics:
         return StateSpace(*matrices) if sample_time_s is None else StateSpace(*matrices, sample_time_s)
 
 
-def _unit_step(lags_s: tuple[float, ...], since_s: Array) -> Array:
-    """Return the unit-step response of one lag or two, 0 before the step."""
-    return since_step(np.maximum(since_s, 0.0), *lags_s)[0]
-
-
 def _course(time_s: npt.ArrayLike, power_pct: npt.ArrayLike) -> tuple[Array, Array]:
     time, power = np.asarray(time_s, dtype=np.float64), np.asarray(power_pct, dtype=np.float64)
     if time.ndim != 1 or not len(time) or power.shape != time.shape:
@@ -187,7 +187,7 @@ def _sampled(heater: _Heater, sample_time_s: float) -> tuple[Array, Array]:
     below = np.poly(np.exp(-sample_time_s / np.array(heater.lags_s)))
     count = len(heater.lags_s) + (rest > _WHOLE * sample_time_s)
     instants = sample_time_s * np.arange(1, count + 1) - max(rest, 0.0)
-    rise = _unit_step(heater.lags_s, np.asarray(instants, dtype=np.float64))
+    rise = heater.unit_step(np.asarray(instants, dtype=np.float64))
     increments = heater.gain_degC_per_pct * np.diff(rise, prepend=0.0)
     above = np.convolve(below, increments)[: len(increments)]
     if len(above) > 1 and abs(above[0]) <= min(_SCIPYS_ZERO, 1e-6 * np.abs(above).max()):
@@ -375,12 +375,14 @@ class TwoLag(Dynamics):
     def from_tf(cls, system: TransferFunction, *, ambient_degC: float | None = None) -> TwoLag:
         """Return the heater of python-control's transfer function; as `Fopdt.from_tf`, with two lags.
 
+        With a zero between the lags it is a `TwoScale`.
+
         Raises:
-            InputError: another system than of two lags plus dead time.
+            InputError: another system than of two lags plus dead time; of `TwoScale`, one without a zero.
         """
         heater = _from_tf(system, ambient_degC)
         if not isinstance(heater, cls):
-            raise InputError("one lag: Fopdt.from_tf takes it")
+            raise InputError(f"no {cls.__name__}: {type(heater).__name__}.from_tf takes it")
         return heater
 
     @property

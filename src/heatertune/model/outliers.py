@@ -5,10 +5,14 @@ Gather, "The identification of multiple outliers", J. Am. Stat. Assoc. 88 (1993)
 value of its neighbours, and the least-squares fit is repeated. It must also deviate from the neighbouring readings: a
 stretch that the model cannot follow for a while is not an outlier.
 
-Also the first disturbance of a log: a model has to explain the part before it.
+Also the first disturbance of a log: a model has to explain the part before it. And the stretches in which its
+controller gives no power: it was reset or switched off.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +20,11 @@ import numpy.typing as npt
 from heatertune.arrays import Array
 from heatertune.log.log_values import MIN_SAMPLES, Log
 
-__all__ = ["disturbance_s", "replace_outliers", "sensor_step", "undisturbed_part", "without_outliers"]
+__all__ = ["SWITCHED_OFF", "disturbance_s", "interruption_note", "replace_outliers", "sensor_step", "undisturbed_part",
+           "without_outliers"]
+
+#: of the span: no overshoot of a usable loop is followed by such a fall without a rise after it
+SWITCHED_OFF: Final = 0.35
 
 
 _NEIGHBOURS = 11  # readings of the running median: up to five consecutive outliers are detected
@@ -121,3 +129,42 @@ def undisturbed_part(log: Log) -> tuple[Log, tuple[str, ...]]:
     return log.window(float(log.time_s[0]), end), (
         f"The temperature jumps after {end:g} s; the {left} readings from there on were left out of the fit.",
     )
+
+
+def _longest_part(time_s: Array, stretches: Sequence[tuple[int, int]]) -> tuple[int, int]:
+    """Return first and last row of the longest part of a log outside stretches, each from its first row to its last.
+
+    Args:
+        time_s: of all rows, shape (n,) [s].
+        stretches: in order.
+    """
+    firsts = [0, *(last for _, last in stretches)]
+    lasts = [*(first for first, _ in stretches), len(time_s) - 1]
+    return max(zip(firsts, lasts, strict=True), key=lambda part: float(time_s[part[1]] - time_s[part[0]]))
+
+
+def _part_flags(time_s: Array, part: tuple[int, int]) -> str:
+    """Return the options that leave only a part of a log, from its first row to its last."""
+    first, last = part
+    flags = [f"--from {time_s[first]:.10g}"] if first else []
+    return " ".join([*flags, *([f"--until {time_s[last]:.10g}"] if last < len(time_s) - 1 else [])])
+
+
+def interruption_note(log: Log) -> str:
+    """Return what to do about stretches without power in a loop, through which the temperature falls far; or nothing.
+
+    Args:
+        log: of a closed loop, with power.
+    """
+    power, y, time = log.power_pct, log.temperature_degC, log.time_s
+    assert power is not None
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], power <= max(0.0, float(power.min())), [False]])))
+    rests = [(int(first), int(last)) for first, last in zip(edges[::2], edges[1::2] - 1, strict=True) if first]
+    far = SWITCHED_OFF * float(np.ptp(y))
+    falls = [(first, last) for first, last in rests if y[first] - y[last] > far]
+    if not falls:
+        return ""
+    places = ", ".join(f"from {time[first]:.4g} to {time[last]:.4g} s" for first, last in falls)
+    return (f" It gives no power {places} while the temperature falls: its setpoint was lowered, or it was reset or "
+            f"switched off. The fit uses that; {_part_flags(time, _longest_part(time, falls))} leaves the longest part "
+            "without it.")

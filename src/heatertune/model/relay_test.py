@@ -24,6 +24,12 @@ from heatertune.model.power.open_loop import PowerProblem
 from heatertune.model.power.regressors import Readings
 from heatertune.model.response import Schedule
 from heatertune.model.statistics import Interval, student_t
+from heatertune.model.temperature.thresholds import (
+    Thermostat,
+    Thresholds,
+    reading_margin_degC,
+    threshold_between,
+)
 from heatertune.units import check
 
 __all__ = [
@@ -275,6 +281,12 @@ class RelayRecord:
             low_pct=self.low_pct,
         )
 
+    @property
+    def thresholds(self) -> Thresholds:
+        """The thresholds that lie between each switching's row and the one before, as far as the readings are exact."""
+        y, margin = self.log.temperature_degC, 2.0 * reading_margin_degC(self.log)
+        return Thresholds.between(*(threshold_between(y[rows - 1], y[rows], margin) for rows in (self.on, self.off)))
+
     def swings(self) -> Array:
         """Return highest less lowest reading of each period, shape (periods,) [°C]."""
         spans = zip(self.off[:-1], self.off[1:], strict=True)
@@ -475,15 +487,30 @@ def oscillating_fopdt(
     )
 
 
-def with_relay(log: Log, fitted: FittedModel, *, ambient_degC: float | None) -> FittedModel:
-    """Return the fit with the results of the log as a relay test, or unchanged if it is not one."""
+def with_relay(log: Log, fitted: FittedModel, *, ambient_degC: float | None, thermostat: Thermostat | None = None
+               ) -> FittedModel:
+    """Return the fit with the results of the log as a relay test, or unchanged if it is not one.
+
+    Args:
+        log: with power.
+        fitted: its heater.
+        ambient_degC: if known, or None.
+        thermostat: that switched the power, if stated.
+
+    Raises:
+        InputError: the power is not that of the stated thermostat.
+    """
     record = find_relay(log.on_one_clock(), ambient_degC=ambient_degC)
     if record is None:
+        if thermostat is not None:
+            raise InputError(f"{log.name}: its power does not switch at two temperatures; leave out --thermostat")
         return fitted
+    if thermostat is not None:
+        record.thresholds.check_stated(log.name, thermostat)
     test = estimate(record, ambient_degC=ambient_degC)
     summary = (
         f"{log.name} is a relay test: {record.low_pct:g} and {record.high_pct:g} %, {test.periods} whole periods of "
-        f"{test.period_s[0]:.4g} s, thresholds {record.relay.on_degC:.4g} and {record.relay.off_degC:.4g} °C."
+        f"{test.period_s[0]:.4g} s, {record.thresholds.summary}."
     )
     model = f"No FOPDT from the oscillation: {test.source}."
     if test.oscillation is not None and test.output_error is not None:

@@ -30,6 +30,7 @@ __all__ = [
     "identified_parts",
     "interval",
     "ljung_box",
+    "long_run_noise",
     "percentile_interval",
     "student_t",
 ]
@@ -44,12 +45,26 @@ def fit_pct(measured: Array, simulated: Array) -> float:
     return float(100.0 * (1.0 - np.linalg.norm(measured - simulated) / np.linalg.norm(measured - measured.mean())))
 
 
+_MOST_CORRELATION: Final = 0.99
+_LEAST_NOISE: Final = 1e-6  # of the span
+
+
 def autocorrelation(residuals: Array, lags: int = 20) -> Array:
     """Return the sample autocorrelation at lags 1…`lags`, shape (lags,)."""
     e = residuals - residuals.mean()
     power = float(e @ e)
     lags = min(lags, len(e) - 1)
     return np.array([float(e[lag:] @ e[:-lag]) / power if power else 0.0 for lag in range(1, lags + 1)])
+
+
+def long_run_noise(measured: Array, simulated: Array) -> float:
+    """Return the deviation that white noise of the same size in the long run would have; both of shape (n,).
+
+    It is at least a millionth of the span: a log made without noise does not outweigh all others without limit.
+    """
+    left = measured - simulated
+    rho = float(np.clip(autocorrelation(left, 1)[0], 0.0, _MOST_CORRELATION))
+    return max(float(np.std(left)) * float(np.sqrt((1.0 + rho) / (1.0 - rho))), _LEAST_NOISE * float(np.ptp(measured)))
 
 
 def ar1_bic(residuals: Array, unknowns: int) -> float:

@@ -18,6 +18,7 @@ from heatertune.arrays import Array
 from heatertune.codec import construct_from, encode, register_schema
 from heatertune.errors import InputError
 from heatertune.log.log_values import Log
+from heatertune.model.circumstances import without_neighbours
 from heatertune.model.cooler_mirror import cools, middle_degC, mirror_heater, mirrored_log, mirrored_model
 from heatertune.model.model_document import CorrelationView, WhitenessView
 from heatertune.model.model_values import FittedModel, HeaterModel, InputCorrelation, TwoLag
@@ -140,7 +141,7 @@ def validate(
             about)
     used, notes = undisturbed_part(log) if asked.until_s is None else (log, ())
     labelled: list[tuple[str, HeaterModel]] = [("working model", fitted.model)]
-    labelled += [(label, model) for label, model in fitted.heaters if model != fitted.model]
+    labelled += [(label, model) for label, model in without_neighbours(fitted).heaters if model != fitted.model]
     runs = tuple(_run(label, model, used, asked.ambient_degC, asked.power_before_pct) for label, model in labelled)
     designed_for = [i for i, run in enumerate(runs) if run.model in fitted.plants]
     worst = min(designed_for, key=lambda i: runs[i].fit_pct)

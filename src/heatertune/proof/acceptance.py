@@ -171,7 +171,12 @@ class Coverage:
         return self.only is None or any(power == mains_power for *_, power in self.only)
 
     def in_question(self, switches: Sequence[OpenPoint]) -> list[OpenPoint]:
-        """Return the switches that are run in several settings, or that no run can show though nobody knows them."""
+        """Return the switches that are run in several settings, or that no run can show though nobody knows them.
+
+        None where only some runs are made, of which nothing is told.
+        """
+        if self.only is not None:
+            return []
         return [switch for switch in switches
                 if not switch.in_manual or (self.whole and switch.name not in self.stated_settings)]
 

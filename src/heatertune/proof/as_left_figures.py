@@ -115,14 +115,16 @@ def parts_of(log: Log, settings: AsLeftSettings, *, setpoint_degC: float, band_d
     running = _runs(log, moves, band_degC, settings)
     index, by = _begin(log, moves, settings, band_degC, running=running, heats=heats)
     before = 0.0 if index == 0 else float(log.time_s[index] - log.time_s[index - 1])
-    unsure = before if by in ("setpoint", "power") else _interval_s(log)
+    begins, unsure = float(log.time_s[index]), before if by in ("setpoint", "power") else _interval_s(log)
+    if by == "power":
+        power = log.signals["power"]
+        begins = float(power.time_s[power.values > _OFF_PCT][0])
     start = float(np.median(log.temperature_degC[max(0, index - _AT_START + 1):index + 1]))
     asked_first = [value for at, value in moves if at <= index][-1]
     _demand_way(log, start, asked_first, band_degC, heats=heats, running=running)
-    begins = float(log.time_s[index])
     return TraceParts(
         begins_s=begins, begins_by=by, unsure_s=unsure, start_degC=start, step_degC=reading_step_degC(log),
-        parts=tuple(_parts(log, moves, settings, index, start, running=running)), notes=tuple(_doubts(by)))
+        parts=tuple(_parts(log, moves, settings, index, begins, start, running=running)), notes=tuple(_doubts(by)))
 
 
 def leaves_s(time_s: Array, temperature_degC: Array, start_degC: float, end_degC: float, least_degC: float) -> float:
@@ -218,10 +220,11 @@ def _begin(
     calling = [index for index, value in moves if sign * (value - float(log.temperature_degC[index])) > band_degC]
     if not calling or calling[0] > 0:
         return (calling[0], "setpoint") if calling else (0, "first reading")
-    power = log.power_pct
-    if power is not None and power[0] <= _OFF_PCT and np.any(power > _OFF_PCT):
-        return int(np.flatnonzero(power > _OFF_PCT)[0]), "power"
-    if power is not None and power[0] > _OFF_PCT:
+    power = log.signals.get("power")  # it may be on between two readings alone
+    if power is not None and power.values[0] <= _OFF_PCT and np.any(power.values > _OFF_PCT):
+        on_s = power.time_s[power.values > _OFF_PCT][0]
+        return min(int(np.searchsorted(log.time_s, on_s)), len(log.time_s) - 1), "power"
+    if power is not None and power.values[0] > _OFF_PCT:
         return 0, "first reading"
     start = float(np.median(log.temperature_degC[:_AT_START]))
     left = leaves_s(log.time_s, log.temperature_degC, start, moves[0][1], LEAVES * reading_step_degC(log))
@@ -247,9 +250,10 @@ def _demand_inside(log: Log, name: str, instant_s: float) -> None:
 
 
 def _parts(
-    log: Log, moves: list[tuple[int, float]], settings: AsLeftSettings, index: int, start_degC: float, *, running: bool
+    log: Log, moves: list[tuple[int, float]], settings: AsLeftSettings, index: int, begins: float, start_degC: float, *,
+    running: bool
 ) -> Iterator[TracePart]:
-    begins, end = float(log.time_s[index]), float(log.time_s[-1])
+    end = float(log.time_s[-1])
     before = [value for at, value in moves if at <= index]
     events = [("change" if running else "heat-up", begins, before[-1])]
     events += [("change", float(log.time_s[at]), value) for at, value in moves if at > index]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from typing import Final
 
 from heatertune.model.model_values import FittedModel
 from heatertune.pid.design_document import DesignProvenance
@@ -12,7 +13,7 @@ from heatertune.plc import Scaling, Words, controller_for
 from heatertune.plc.controller import with_cooling
 from heatertune.plc.design import tune
 from heatertune.plc.pwm import tick_for
-from heatertune.plc.targets import target_named
+from heatertune.plc.targets import GROUPS, target_named
 from heatertune.plc.word_selection import WordChoice, choose_words, tune_for_words
 from heatertune.plc.words import with_pwm_period
 from heatertune.processors import ProgressCallback
@@ -28,9 +29,12 @@ from heatertune.proof.spec_file import specification_of
 from heatertune.settings import Conditions, SampleSettings, TuneSettings, WordSettings
 from heatertune.units import count
 
-__all__ = ["Candidate", "DesignRequest", "DesignResult", "made_for", "plainly", "with_pwm"]
+__all__ = ["Candidate", "DesignRequest", "DesignResult", "made_for", "plainly", "with_printer_range", "with_pwm"]
 
 
+#: of a printer whose log goes above the default range: HEATER_0_MAXTEMP of Marlin and max_temp of Klipper's examples
+#: are 250 to 300 °C
+_PRINTER_DEGC: Final = (0.0, 300.0)
 _OF_TOLERANCE = 0.2  # ripple, peak to peak: a fifth of the half band leaves the rest to the loop
 
 
@@ -185,3 +189,16 @@ def made_for(fitted: FittedModel, request: DesignRequest, progress: ProgressCall
     stage("words")
     return wished, choose_words(
         wished, request.target, fitted, scaling=request.scaling, way=request.words_by, progress=progress)
+
+
+def with_printer_range(request: DesignRequest, hottest_degC: float) -> DesignRequest:
+    """Return the request with the sensor range of a printer, where none is stated and the default one is too narrow.
+
+    Args:
+        request: the design.
+        hottest_degC: of the logged temperatures and setpoints [°C].
+    """
+    if request.target not in GROUPS["printer"] or request.scaling is not None or hottest_degC < Scaling().high_degC:
+        return request
+    low, high = _PRINTER_DEGC
+    return replace(request, scaling=Scaling(low_degC=low, high_degC=high))

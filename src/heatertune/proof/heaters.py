@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -97,6 +98,7 @@ def mains_label(mains_power: float) -> str:
     return f"mains {'−' if volts_pct < 0 else '+'}{abs(volts_pct)} %"
 
 
+@lru_cache(maxsize=64)
 def limits_off_rated(limits: LoopLimits) -> LoopLimits:
     """Return the limits that hold at other than the rated power: those of time and cost do not."""
     rated = (kind.limit for kind in CRITERIA if kind.rated_power_only)

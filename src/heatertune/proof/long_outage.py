@@ -222,7 +222,9 @@ class OutageTiming(NamedTuple):
     @property
     def _steps(self) -> list[tuple[HeaterModel, float]]:
         """The heaters, each with the distance of its setpoint from the ambient [°C]."""
-        return [(model, self.scenario.setpoint_degC - conditions(self.scenario, model)[0]) for model in self.models]
+        held_degC = self.scenario.held_setpoints_degC
+        return [(model, self.scenario.setpoint_degC - conditions(self.scenario, model, held_degC)[0])
+                for model in self.models]
 
 
 def _saturates_s(model: HeaterModel, step_degC: float, design: PidDesign, most_pct: float) -> float:

@@ -403,7 +403,8 @@ def in_loop(
     timing = controller.timing(words)
     core, running = (
         controller.start_directly(words, switches) if direct else (controller.core, controller.start(words, switches)))
-    asked = [controller.measure(words, setpoint) for setpoint in setpoints_degC]
+    measured = {setpoint: controller.measure(words, setpoint) for setpoint in {*setpoints_degC}}
+    asked = [measured[setpoint] for setpoint in setpoints_degC]
     low, high = words.scaling.low_degC, words.scaling.high_degC
     lowest, highest = controller.ends(words)
     unit = (high - low) / (highest - lowest)

@@ -57,6 +57,7 @@ __all__ = [
 
 #: of which no run knows, and which a log of one heater need not show
 NEIGHBOURS_AT_REST: Final = "other heaters that move (a neighbour at rest was assumed)"
+NEIGHBOURS_UNLIKE: Final = "other heaters that move unlike this one (at rest, and all moving alike was tested)"
 #: of the band of soaks: as near to the ambient a heater has to be before a profile
 _OF_BAND: Final = 0.5
 #: times how far from the setpoint is still right: the least setpoint change that is judged by itself, so that half of
@@ -107,7 +108,7 @@ def prove(
     heard = FitDiagnostics(
         findings=(*cooler_findings(fitted, actuator.cooling_gain), *unreachable_findings(fitted, len(models), farthest),
                   *beyond_log(fitted, setpoints)), accepted=asked.accept,
-        assumed=fitted.assumed, not_tested=(*course.not_tested, *untested, NEIGHBOURS_AT_REST),
+        assumed=fitted.assumed, not_tested=(*course.not_tested, *untested, *_neighbours_not_tested(fitted)),
         remarks=(*beyond_by_curve(fitted, setpoints), *_remarks(words, fitted, asked, setpoints),
                  *left_out(fitted, len(models), farthest), *course.notes, *told))
     acceptance = Acceptance(
@@ -120,6 +121,15 @@ def prove(
     return prove_models(
         controller_for(words.target), words, models[:1] if first_look else models, course.scenario,
         actuator, acceptance, coverage, interlock=_interlock(asked, words))
+
+
+def _neighbours_not_tested(fitted: FittedModel) -> Iterator[str]:
+    """Yield what no run shows of other heaters, where the user does not state that there are none."""
+    names = {finding.name for finding in fitted.findings}
+    if "shared-mass" in names:
+        yield NEIGHBOURS_UNLIKE
+    elif "alone" not in names:
+        yield NEIGHBOURS_AT_REST
 
 
 def _supplies(

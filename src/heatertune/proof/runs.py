@@ -470,10 +470,11 @@ def _at_mains(actuator: Actuator, mains_power: float | None) -> Actuator:
 
 def _check(controller: Controller, words: Words, models: Sequence[tuple[str, HeaterModel]], scenario: Scenario) -> None:
     """Raise what `simulate` would, with the model's label; the words are the same on each."""
+    held_degC = scenario.held_setpoints_degC
     for number, (name, model) in enumerate(models):
         try:
             if number == 0:
                 check_words(controller, words, scenario)
-            conditions(scenario, model)
+            conditions(scenario, model, held_degC)
         except OutOfRange as problem:
             raise InputError(f"model {name}: {problem}") from problem

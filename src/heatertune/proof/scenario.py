@@ -368,8 +368,15 @@ def _led(event: SetpointRampEvent) -> str:
     return "soak" if event.degC_per_s == 0.0 else "ramp"
 
 
-def conditions(scenario: Scenario, model: HeaterModel) -> tuple[float, float]:
+def conditions(
+    scenario: Scenario, model: HeaterModel, held_degC: Sequence[float] | None = None
+) -> tuple[float, float]:
     """Return ambient and start temperature of a run [°C].
+
+    Args:
+        scenario: of the run.
+        model: the heater.
+        held_degC: `scenario.held_setpoints_degC`, for callers with many heaters; None: computed here.
 
     Raises:
         InputError: neither scenario nor model knows the ambient temperature.
@@ -378,7 +385,7 @@ def conditions(scenario: Scenario, model: HeaterModel) -> tuple[float, float]:
     ambient = _ambient(scenario, model)
     top = top_degC(model, ambient)
     above, below, called = (">", "<", "heater") if model.gain_degC_per_pct > 0.0 else ("<", ">", "cooler")
-    for setpoint in scenario.held_setpoints_degC:
+    for setpoint in scenario.held_setpoints_degC if held_degC is None else held_degC:
         if not can_hold(model, setpoint, ambient):
             rule = (
                 f"{above} {ambient:g} (ambient) and {below} {top:g} (ambient + 100 % · {model.gain_degC_per_pct:g} "

@@ -117,10 +117,9 @@ class Trace(NotebookDisplay):
         expected. So the extremes of the temperature are among the values.
         """
         first, last = np.searchsorted(self._instants, start_s, "right"), np.searchsorted(self._instants, end_s)
-        times = np.concatenate([[start_s] if start_s < end_s else [], self._instants[first:last], [end_s]])
-        values = self.temperature_at(times)
-        values[-1] = self.temperature_at(end_s, before=True)
-        return times, values
+        ends = np.array([start_s] if start_s < end_s else []), np.array([end_s])
+        values = self.temperature_at(ends[0]), self._temperatures[first:last], self.temperature_at(ends[1], before=True)
+        return np.concatenate([ends[0], self._instants[first:last], ends[1]]), np.concatenate(values)
 
     def below_until(self, level_degC: float) -> float:
         """Return an instant up to which the temperature is below a level [s]; infinite where it always is."""
@@ -158,6 +157,11 @@ class Trace(NotebookDisplay):
     def _instants(self) -> Array:
         """Instants between which the temperature neither jumps nor turns [s]."""
         return np.unique(np.concatenate([self.time_s, self.stretches[:, 0], self._turns()]))
+
+    @cached_property
+    def _temperatures(self) -> Array:
+        """Temperatures at `_instants` [°C]."""
+        return self.temperature_at(self._instants)
 
     def _turns(self) -> Array:
         since, y, x, target = self.stretches.T

@@ -34,6 +34,7 @@ from heatertune.studio.live_log import LiveLog, RecordingRequest
 from heatertune.studio.loop_settings import (
     DRAWN,
     LoopView,
+    document_of,
     find_design,
     first_look,
     full_proof,
@@ -61,7 +62,7 @@ def export_zip(standing: FrontDesign, *, force: bool) -> bytes:
     files, gains, proof = standing.export(force=force), standing.look.gains, standing.proof
     documents = {
         f"{DATA}/words.json": to_json(words_document(gains.words, proof, files, gains.search)),
-        f"{DATA}/proof.json": to_json(proof.to_document()),
+        f"{DATA}/proof.json": to_json(document_of(proof)),
     }
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w") as archive:
@@ -96,7 +97,7 @@ _OUTSIDE: Final = "rgba(163, 60, 0, 0.13)"
 
 def held_against(standing: FrontDesign, log: Log, about: AsLeftSettings, progress: ProgressCallback) -> AsLeft:
     """Return a trace beside the proof of a design; errors as `heatertune.proof.as_left.as_left`."""
-    proof = decode(ProofView, plain(standing.proof.to_document()), "the proof")
+    proof = decode(ProofView, plain(document_of(standing.proof)), "the proof")
     return as_left(log, standing.look.gains.words, standing.fitted, proof, about, progress=progress)
 
 
@@ -166,9 +167,10 @@ def _line(name: str, time_s: Sequence[float], values: Sequence[float], document:
     return {**look, "name": name, "data": points, **document}
 
 
+_FRAME_S: Final = 0.03  # in which a browser draws the loop before more is sent
 _REST_S: Final = 0.15  # a slider that moves on within this time wants no proof yet
 _SEEK_S: Final = 1.0  # who looks at a FAIL for so long may want to know what would pass
-_TICK_S: Final = 0.1
+_TICK_S: Final = 0.2  # between two looks at how far something is, each of which a browser draws
 _LIVE_S: Final = 0.5  # between two pictures of a loop that is being recorded
 
 _log: Final = logging.getLogger(__name__)
@@ -179,6 +181,9 @@ class Follower(Protocol):
 
     def show(self) -> object:
         """Show the session as it is now."""
+
+    def show_loop(self, look: LoopView) -> object:
+        """Draw a loop, and leave all else."""
 
     def show_progress(self) -> object:
         """Show how far the work is."""
@@ -212,6 +217,7 @@ class Work:
         self._pages: list[Follower] = []
         self._fitting = self._looking = self._proving = self._seeking = self._drawing = False
         self._moved_at = 0.0
+        self._moved = asyncio.Event()
         self._held = 0
 
     def follow(self, page: Follower) -> None:
@@ -288,6 +294,7 @@ class Work:
         """Move settings, on every page at once; `look` shows their loop."""
         self.session.change(**fields)
         self.proving = ""
+        self._moved.set()  # what nobody waits for any more ends before the next loop is computed
         self.tell()
 
     async def look(self) -> None:
@@ -301,10 +308,14 @@ class Work:
             while not session.known_look():
                 ticket, fitted, settings, gains = session.ticket, session.fitted, session.settings, session.gains()
                 try:
-                    session.look_done(ticket, await asyncio.to_thread(first_look, fitted, settings, gains))
+                    look = await asyncio.to_thread(first_look, fitted, settings, gains)
                 except Exception as problem:
                     if session.look_refused(ticket, self._kind(problem)):
                         break
+                    continue
+                session.look_done(ticket, look)
+                self._each(lambda page: page.show_loop(look))  # noqa: B023 - called at once
+                await asyncio.sleep(_FRAME_S)
         finally:
             self._looking = False
         self.tell()
@@ -519,19 +530,26 @@ class Work:
 
         task = asyncio.create_task(asyncio.to_thread(run, tell))
         while not task.done():
+            self._moved.clear()
             unwanted = unwanted or not wanted()
             if what:
                 self.busy = f"{what}{': ' if said[-1] else ''}{for_page(said[-1])}… {time.monotonic() - begun:.0f} s"
             else:
                 self.proving = said[-1]
             self._each(lambda page: page.show_progress())
-            await asyncio.wait([task], timeout=_TICK_S)
+            await self._move_or_tick(task)
         if what:
             self.busy = ""
         elif not unwanted:  # a proof may be done within one tick
             self.proving = said[-1]
         self._each(lambda page: page.show_progress())
         return task.result()
+
+    async def _move_or_tick(self, task: asyncio.Task[Any]) -> None:
+        """Wait for the end of a task, a move or a tick, whatever comes first."""
+        moved = asyncio.create_task(self._moved.wait())
+        await asyncio.wait([task, moved], timeout=_TICK_S, return_when=asyncio.FIRST_COMPLETED)
+        moved.cancel()
 
     def _kind(self, problem: Exception) -> Exception:
         """Return an error as it is told: heatertune's as they are, any other as a fault, its traceback on stderr."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, Final
 from weakref import WeakSet
@@ -136,6 +136,7 @@ class LoopCard:
     def __init__(self) -> None:
         self._shown: tuple[object, ...] = ()
         self._picture: Picture | None = None
+        self._untold: Callable[[], object] = bool
         _cards.add(self)
         self._zooms: list[tuple[str, float, float]] = []
         with card("The loop", wide=True):
@@ -149,19 +150,28 @@ class LoopCard:
                 self._numbers = html().props("id=loop-numbers")
 
     def show(self, look: LoopView, proof: Proof | None, pinned: Sequence[PinnedDesign]) -> None:
-        """Show a loop; `proof`: its full one, None until it is done."""
+        """Draw a loop; `proof`: its full one, None until it is done. What is told beside it follows with `tell`."""
         wanted = (look, proof, *((pin.name, pin.look) for pin in pinned))
         if len(wanted) == len(self._shown) and all(a is b or a == b for a, b in zip(wanted, self._shown, strict=True)):
             return
         verdict_alone = self._shown[:1] + self._shown[2:] == wanted[:1] + wanted[2:]
         self._shown = wanted
-        self._sentence.set_text(views.sentence(proof or look.proof, look.settings.switch_kind))
         known = None if proof is None else _pictures.get(id(proof))
         picture = known[1] if known else _first_picture(look.proof)
         if not (verdict_alone and picture is self._picture):
             self._draw(look, picture, pinned)
+        self._untold = partial(self._tell, look, proof, picture, pinned)
         if proof is not None and known is None:
             background_tasks.create(self._with_all_runs(wanted, look, proof, pinned))
+
+    def tell(self) -> None:
+        """Tell what is drawn in words and numbers, if that was not done."""
+        self._untold()
+        self._untold = bool
+
+    def leave(self) -> None:
+        """Draw no further runs of the proof that is seen: another loop is on its way."""
+        self._shown = ()
 
     def shows(self, proof: Proof) -> bool:
         """Return whether this is the proof that is seen."""
@@ -178,11 +188,15 @@ class LoopCard:
                 continue
             if self._shown is shown:
                 self._draw(look, picture, pinned)
+                self._tell(look, proof, picture, pinned)
             return
 
     def _draw(self, look: LoopView, picture: Picture, pinned: Sequence[PinnedDesign]) -> None:
         self._picture = picture
         draw(self._chart, _loop_chart(look, picture, tuple(pinned)))
+
+    def _tell(self, look: LoopView, proof: Proof | None, picture: Picture, pinned: Sequence[PinnedDesign]) -> None:
+        self._sentence.set_text(views.sentence(proof or look.proof, look.settings.switch_kind))
         self._key.set_content(views.key(charts.key_of(look, picture, pinned)))
         self._numbers.set_content(views.in_words(picture, picture.runs))
         zooms = charts.zooms(picture)
@@ -526,7 +540,14 @@ class Page:
         self._found.set_visibility(session.look is not None)
         if session.front is not None or session.error:  # else what is seen stays until there is something else
             self._show_look()
+        else:
+            self._loop.leave()
         self._show_pinned()
+
+    def show_loop(self, look: LoopView) -> None:
+        """Draw a loop alone, the newest while a slider moves on: what is told beside it takes a browser longer."""
+        session = self.session  # the full proof is of the loop in front alone
+        self._loop.show(look, session.proof if look is session.front else None, session.pinned_designs)
 
     def _show_look(self) -> None:
         session, look = self.session, self.session.look
@@ -538,8 +559,8 @@ class Page:
                               (self._notes, views.notes(look)),
                               (self._criteria, views.criteria(session.proof or look.proof))):
             area.set_content(content)
-        # the full proof is of the loop in front alone
-        self._loop.show(look, session.proof if look is session.front else None, session.pinned_designs)
+        self.show_loop(look)
+        self._loop.tell()
 
     def _show_heater(self) -> None:
         session = self.session

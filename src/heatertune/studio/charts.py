@@ -47,8 +47,8 @@ _POINTED_AT: Final = """found => { const x = found[0].axisValue, instant = %s;
   const at = (points) => { const i = points.findIndex(p => p[0] >= x); if (i < 1) return points[Math.max(i, 0)][1];
     const [[a, y], [b, z]] = [points[i - 1], points[i]]; return b > a ? y + (z - y) * (x - a) / (b - a) : z; };
   const chart = getElement(Number(document.querySelector(".loop-chart").id.slice(1)));
-  const rows = chart.options.series.filter(s => s.data.length && !(s.tooltip && s.tooltip.show === false)).map(
-    s => `${s.name}: <b>${at(s.data).toFixed(1)} ${s.yAxisIndex ? "%%" : "°C"}</b>`);
+  const seen = chart.chart.getOption().series.filter(s => s.data.length && !(s.tooltip && s.tooltip.show === false));
+  const rows = seen.map(s => `${s.name}: <b>${at(s.data).toFixed(1)} ${s.yAxisIndex ? "%%" : "°C"}</b>`);
   return [`${instant(x)} s`, ...rows].join("<br>"); }"""
 _BAND: Final = 1.96  # of a normal distribution, 95 %
 _FAILING_PX: Final = 2.6  # width of the line of the run that breaks a limit

@@ -7,7 +7,8 @@ whether it is still computing.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import json
+from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from nicegui import ui
@@ -17,12 +18,14 @@ from heatertune.plc import NAMES, controller_for
 from heatertune.plc.inputs import INPUTS
 from heatertune.proof.ripple_and_wear import SWITCHES
 from heatertune.proof.specification import PRESETS
+from heatertune.report.html import text_of
 from heatertune.report.report_text import figure
 from heatertune.studio.charts import Options
 from heatertune.studio.loop_settings import SLIDERS, Slider, StudioSettings
 from heatertune.terms import terms_in
 
-__all__ = ["MOVE", "MOVED", "NUMBER_SEEN", "Controls", "Grey", "card", "chart", "draw", "explain_label", "html"]
+__all__ = ["MOVE", "MOVED", "NUMBER_SEEN", "Controls", "Grey", "card", "chart", "draw", "explain_label", "html",
+           "number_field", "select_field"]
 
 
 _CLIENT: Final = """<script>
@@ -30,24 +33,36 @@ window.studio = {
   moves: 0,
   move() { this.moves += 1; this.paint(); return this.moves; },
   seen() {
-    const grey = document.documentElement.classList.contains('stale');
-    return grey ? 0 : Number(document.querySelector('[data-heard]').dataset.number);
+    const stale = document.documentElement.hasAttribute('data-stale');
+    return stale ? 0 : Number(document.querySelector('[data-heard]').dataset.number);
   },
   paint() {
     const told = document.querySelector('[data-heard]')?.dataset;
     const stale = !told || told.computing === 'yes' || Number(told.heard) < this.moves;
-    document.documentElement.classList.toggle('stale', stale);
+    const areas = document.querySelectorAll(
+      '[data-field=banner], [data-field=words], [data-field=as-left], [data-field=drawn]');
+    for (const each of [document.documentElement, ...areas]) each.toggleAttribute('data-stale', stale);
+  },
+  functions(options) {
+    for (const [key, value] of Object.entries(options)) {
+      if (key.startsWith(':')) options[key.slice(1)] = new Function(`return (${value})`)();
+      else if (key !== 'data' && value && typeof value === 'object') this.functions(value);
+    }
+    return options;
+  },
+  draw(id, options) {
+    const element = getElement(id);
+    if (element?.chart) element.chart.setOption(this.functions(options), {replaceMerge: ['series']});
+    else setTimeout(() => this.draw(id, options), 20);
   },
 };
 new MutationObserver(() => studio.paint()).observe(
   document, {subtree: true, childList: true, attributeFilter: ['data-heard', 'data-computing']});
 </script>"""
+# by each area's own attribute: a rule that begins at the root makes the browser look at every element again
 _LOOK: Final = """
-html.stale :is([data-field=banner], [data-field=words], [data-field=as-left], [data-field=drawn]) {
-  background: #ececec; border-color: #767676; }
-html.stale :is(.verdict, [data-field=words] :is(th, td, code),
-    :is([data-field=as-left], [data-field=drawn]) :is(th, td, p, li)) {
-  color: #5f5f5f; }
+body .card[data-stale] { background: #ececec; border-color: #767676; }
+body .verdict[data-stale], body .card[data-stale] :is(.verdict, th, td, code, p, li) { color: #5f5f5f; }
 """
 #: what a control says when it was moved: the number of the move, and before it its value
 MOVE: Final = "() => emit(studio.move())"
@@ -101,10 +116,45 @@ def chart(label: str, height_px: int, described_by: str = "") -> ui.echart:
 
 
 def draw(chart: ui.echart, options: Options) -> None:
-    """Draw a chart anew."""
-    chart.options.clear()
-    chart.options.update(options)
-    chart.update()
+    """Draw a chart anew: not by a property of the page's tree, all of which a browser would go through."""
+    chart.client.run_javascript(f"studio.draw({chart.id}, {json.dumps(options)})")
+
+
+def select_field(
+    name: str, change: str, place: int, options: Mapping[str, str], chosen: str, *, label: str = ""
+) -> str:
+    """Return a choice of a form, as HTML.
+
+    Args:
+        name: for screen readers.
+        change: what is changed, and the place of the column or tag that it belongs to.
+        place: as `change`.
+        options: value → text.
+        chosen: the value that is shown.
+        label: before it; "": none.
+    """
+    shown = "".join(
+        f'<option value="{text_of(value)}"{" selected" if value == chosen else ""}>{text_of(text)}</option>'
+        for value, text in options.items())
+    element = (f'<select aria-label="{text_of(name)}" data-change="{change}" data-place="{place}" '
+               f'data-key="{change}-{place}">{shown}</select>')
+    return f"<label>{label} {element}</label>" if label else element
+
+
+def number_field(name: str, change: str, place: int, value: object, label: str) -> str:
+    """Return a field of a form for a number, as HTML.
+
+    Args:
+        name: for screen readers.
+        change: what is changed, and the place of the column or tag that it belongs to.
+        place: as `change`.
+        value: that is shown; None: nothing.
+        label: after it.
+    """
+    held = "" if value is None else text_of(str(value))
+    return (f'<label class="number"><input type="text" inputmode="decimal" size="6" value="{held}" '
+            f'aria-label="{text_of(name)}" data-change="{change}" data-place="{place}" data-key="{change}-{place}"> '
+            f"<span>{text_of(label)}</span></label>")
 
 
 ChangeCallback = Callable[..., object]

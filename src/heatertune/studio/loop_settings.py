@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields, replace
+from functools import lru_cache
 from typing import Any, Final
 
 from heatertune import chain
@@ -35,8 +36,8 @@ from heatertune.settings import Conditions, TuneSettings
 from heatertune.units import check
 
 __all__ = [
-    "DRAWN", "SLIDERS", "CandidateWords", "DesignOutcome", "LoopView", "Slider", "StudioSettings", "find_design",
-    "first_look", "full_proof", "on_drawn_heaters", "optimum", "settings_for",
+    "DRAWN", "SLIDERS", "CandidateWords", "DesignOutcome", "LoopView", "Slider", "StudioSettings", "document_of",
+    "find_design", "first_look", "full_proof", "on_drawn_heaters", "optimum", "settings_for",
 ]
 
 
@@ -264,9 +265,15 @@ def optimum(fitted: FittedModel, settings: StudioSettings, progress: ProgressCal
     return CandidateWords(design=design, words=words, search=search_document(choice, fitted))
 
 
+#: the document of a proof, for every window once: it takes longer than a window may wait
+document_of = lru_cache(8)(Proof.to_document)
+
+
 def full_proof(fitted: FittedModel, look: LoopView, progress: ProgressCallback = str) -> Proof:
     """Return the proof of the same words on every heater under every open point; errors as in `first_look`."""
-    return as_exported(chain.prove(look.gains.words, fitted, look.conditions, progress=progress))
+    proof = as_exported(chain.prove(look.gains.words, fitted, look.conditions, progress=progress))
+    document_of(proof)
+    return proof
 
 
 def on_drawn_heaters(fitted: FittedModel, look: LoopView) -> dict[str, Any]:

@@ -270,7 +270,8 @@ def torn(proof: Proof) -> list[tuple[float, float]]:
 
 
 def _place(time: Array, gone: Sequence[tuple[float, float]]) -> Array:
-    placed = time
-    for begin, end in gone:
-        placed = placed - (np.minimum(np.maximum(time, begin), end) - begin)
-    return np.asarray(placed)
+    if not gone:
+        return time
+    ends = np.array(gone)
+    lost = np.cumsum(ends[:, 1] - ends[:, 0])
+    return np.asarray(time - np.interp(time, ends.ravel(), np.ravel([np.append(0.0, lost[:-1]), lost], order="F")))

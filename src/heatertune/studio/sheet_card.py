@@ -33,7 +33,7 @@ from heatertune.options import Option, options_of
 from heatertune.report.html import bullets, text_of
 from heatertune.settings import FitSettings, ReadSettings
 from heatertune.studio.charts import preview
-from heatertune.studio.controls import NUMBER_SEEN
+from heatertune.studio.controls import NUMBER_SEEN, number_field, select_field
 from heatertune.studio.wording import for_page
 from heatertune.units import check
 
@@ -84,6 +84,7 @@ class SheetAssumptions:
         ambient_degC: temperature without power; None: found by the fit [°C].
         power_before_pct: before the first reading; None: found by the fit [%].
         power_pct: throughout a log that holds no power; None: not known [%].
+        largest_power_pct: that the heater got in such a log; None: not known [%].
         from_s, until_s: first and last instant of the log that is fitted; None: of the log [s].
         setpoint_degC, begins_s, load_at_s: of a trace of the commissioned loop, see `AsLeftSettings`.
 
@@ -94,6 +95,7 @@ class SheetAssumptions:
     ambient_degC: float | None = None
     power_before_pct: float | None = None
     power_pct: float | None = None
+    largest_power_pct: float | None = None
     from_s: float | None = None
     until_s: float | None = None
     setpoint_degC: float | None = None
@@ -110,7 +112,7 @@ class SheetAssumptions:
         """What the fit is told; a constant power begins from none, where nothing else is said."""
         before = 0.0 if self.power_before_pct is None and self.power_pct is not None else self.power_before_pct
         return FitSettings(ambient_degC=self.ambient_degC, power_before_pct=before, from_s=self.from_s,
-                           until_s=self.until_s)
+                           until_s=self.until_s, largest_power_pct=self.largest_power_pct)
 
     def window(self, log: Log) -> tuple[float, float]:
         """Return first and last instant of a log that are fitted [s].
@@ -268,7 +270,9 @@ class DroppedFile:
         """
         if self.log is None:
             raise InputError(self.problem)
-        return self.log, self.assumptions.fit_settings
+        known = self.assumptions.fit_settings
+        # a power that is logged, or stated throughout, tells more
+        return self.log, known if self.log.power_pct is None else replace(known, largest_power_pct=None)
 
 
 def change_sheet(dropped: DroppedFile, change: str, place: int, value: str) -> DroppedFile:
@@ -487,7 +491,7 @@ def sheet(dropped: DroppedFile) -> str:
 def _told(dropped: DroppedFile) -> str:
     if dropped.problem:
         answers = {answer: for_page(answer) for answer in answers_to(dropped.problem)}
-        chosen = "" if not answers else _select(
+        chosen = "" if not answers else select_field(
             "answer to the message", "answer", 0, {"": "choose", **answers}, "", label="Answer")
         return f'<p class="error" role="alert">error: {text_of(for_page(dropped.problem))}</p>{chosen}'
     assert dropped.log is not None
@@ -508,7 +512,7 @@ def _table(dropped: DroppedFile) -> str:
         tags = "".join(_column(column, place, "tag") for place, column in enumerate(dropped.tags))
         text += f'<h3>Tags: each becomes a column</h3><div class="columns">{tags}</div>'
     if dropped.zones:
-        text += _select("the zone that is read", "zone", 0, {zone: zone for zone in dropped.zones}, dropped.zone,
+        text += select_field("the zone that is read", "zone", 0, {zone: zone for zone in dropped.zones}, dropped.zone,
                         label="Rows of the zone")
     return text
 
@@ -516,7 +520,8 @@ def _table(dropped: DroppedFile) -> str:
 def _column(column: SheetColumn, place: int, kind: str) -> str:
     """Return one column: its name, role, unit and first cells."""
     name = text_of(column.name)
-    role = _select(f"role of {kind} {column.name}", kind, place, {role: role for role in column.roles}, column.role)
+    roles = {role: role for role in column.roles}
+    role = select_field(f"role of {kind} {column.name}", kind, place, roles, column.role)
     used = "" if column.role == IGNORED else " used"
     cells = "".join(f"<li>{text_of(cell) or '&nbsp;'}</li>" for cell in column.cells)
     return f'<div class="read-column{used}"><b>{name}</b>{role}{_unit(column, place)}<ol>{cells}</ol></div>'
@@ -524,24 +529,26 @@ def _column(column: SheetColumn, place: int, kind: str) -> str:
 
 def _unit(column: SheetColumn, place: int) -> str:
     if column.role == "power":
-        return _number("reading at full power", "power_full_scale", place, column.unit, "at full power")
+        return number_field("reading at full power", "power_full_scale", place, column.unit, "at full power")
     if column.role == "time" and column.unit == "stamps":
         return '<span class="unit">date and time</span>'
     known = _UNITS.get("temperature" if column.role == "values" else column.role)
     if known is None:
         return ""
     option = "time_unit" if column.role == "time" else "temperature_unit"
-    return _select(f"unit of {column.name}", option, place, {"": "unit?", **known}, column.unit)
+    return select_field(f"unit of {column.name}", option, place, {"": "unit?", **known}, column.unit)
 
 
 def _rest(dropped: DroppedFile) -> str:
     """Return what else tells how the file is read."""
     settings, parts = dropped.settings, []
     if dropped.columns and not any(column.role == "time" for column in dropped.columns):
-        parts.append(_number("seconds between two rows", "sample_time_s", 0, settings.sample_time_s, "s between rows"))
-    parts.append(_number("title lines left out", "skip_rows", 0, settings.skip_rows or None, "title lines left out"))
+        parts.append(number_field(
+            "seconds between two rows", "sample_time_s", 0, settings.sample_time_s, "s between rows"))
+    parts.append(number_field(
+        "title lines left out", "skip_rows", 0, settings.skip_rows or None, "title lines left out"))
     if dropped.run is not None:
-        parts.append(_number("run that is read, 1 is the first", "run", 0, dropped.run, "run that is read"))
+        parts.append(number_field("run that is read, 1 is the first", "run", 0, dropped.run, "run that is read"))
     ticked = " checked" if settings.skip_empty else ""
     parts.append('<label><input type="checkbox" data-change="skip_empty" data-place="0" data-key="skip_empty"'
                  f"{ticked}> leave out rows without a reading</label>")
@@ -553,20 +560,22 @@ def _assumptions(dropped: DroppedFile) -> str:
     assumed = dropped.assumptions
     powered = dropped.power_content is not None or any(
         column.role == "power" for column in (*dropped.columns, *dropped.tags))
-    fields = [_number("first instant that is fitted in s", "from_s", 0, assumed.from_s,
+    fields = [number_field("first instant that is fitted in s", "from_s", 0, assumed.from_s,
                       "s: fitted from (or drag over the picture; empty: all)"),
-              _number("last instant that is fitted in s", "until_s", 0, assumed.until_s, "s: fitted until"),
-              _number("ambient temperature in °C, if known", "ambient_degC", 0, assumed.ambient_degC,
+              number_field("last instant that is fitted in s", "until_s", 0, assumed.until_s, "s: fitted until"),
+              number_field("ambient temperature in °C, if known", "ambient_degC", 0, assumed.ambient_degC,
                       "°C ambient (empty: found by the fit)"),
-              _number("power before the log in percent, if known", "power_before_pct", 0, assumed.power_before_pct,
+              number_field("power before the log in percent, if known", "power_before_pct", 0, assumed.power_before_pct,
                       "% power before the log (empty: found by the fit)")]
     if not powered:
-        fields.append(_number("constant power in percent, if known", "power_pct", 0, assumed.power_pct,
-                              "% power throughout (empty: not known)"))
-    told = [_number("setpoint of the trace in °C", "setpoint_degC", 0, assumed.setpoint_degC,
+        fields += [number_field("constant power in percent, if known", "power_pct", 0, assumed.power_pct,
+                                "% power throughout (empty: not known)"),
+                   number_field("largest power in percent, if known", "largest_power_pct", 0, assumed.largest_power_pct,
+                                "% largest power in this log (100 if it was fully on for a while)")]
+    told = [number_field("setpoint of the trace in °C", "setpoint_degC", 0, assumed.setpoint_degC,
                     "°C setpoint (empty: as logged, else that of the proof)"),
-            _number("heat-up begins, in s", "begins_s", 0, assumed.begins_s, "s: heat-up begins (empty: found)"),
-            _number("load came, in s", "load_at_s", 0, assumed.load_at_s, "s: load came (empty: none)")]
+            number_field("heat-up begins, in s", "begins_s", 0, assumed.begins_s, "s: heat-up begins (empty: found)"),
+            number_field("load came, in s", "load_at_s", 0, assumed.load_at_s, "s: load came (empty: none)")]
     return (f'<h3>Assumptions</h3><div class="fields">{"".join(fields)}</div><div class="of-trace">'
             f'<h3>Of a trace of the commissioned loop</h3><div class="fields">{"".join(told)}</div></div>')
 
@@ -577,22 +586,6 @@ def _repairs(log: Log | None) -> str:
         return ""
     parts = (("Changed or assumed by the reader", log.repairs), ("Odd, but left as it is", log.warnings))
     return "".join(f"<h3>{title}</h3>{bullets([for_page(item) for item in items])}" for title, items in parts if items)
-
-
-def _select(name: str, change: str, place: int, options: Mapping[str, str], chosen: str, *, label: str = "") -> str:
-    shown = "".join(
-        f'<option value="{text_of(value)}"{" selected" if value == chosen else ""}>{text_of(text)}</option>'
-        for value, text in options.items())
-    element = (f'<select aria-label="{text_of(name)}" data-change="{change}" data-place="{place}" '
-               f'data-key="{change}-{place}">{shown}</select>')
-    return f"<label>{label} {element}</label>" if label else element
-
-
-def _number(name: str, change: str, place: int, value: object, label: str) -> str:
-    held = "" if value is None else text_of(str(value))
-    return (f'<label class="number"><input type="text" inputmode="decimal" size="6" value="{held}" '
-            f'aria-label="{text_of(name)}" data-change="{change}" data-place="{place}" data-key="{change}-{place}"> '
-            f"<span>{text_of(label)}</span></label>")
 
 
 _CHANGED: Final = """(e) => { const t = e.target; if (!t.dataset.change) return;

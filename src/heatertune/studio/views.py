@@ -17,7 +17,7 @@ from heatertune.proof.ripple_and_wear import life
 from heatertune.proof.verdict import verdict_brief, verdict_details
 from heatertune.report.html import Markup, bullets, table, text_of
 from heatertune.report.report_text import criterion_value, figure, model_rows
-from heatertune.studio.loop_settings import LoopView
+from heatertune.studio.loop_settings import LoopView, document_of
 from heatertune.studio.proof_picture import Picture
 from heatertune.studio.session import PinnedDesign
 from heatertune.studio.wording import for_page
@@ -137,12 +137,12 @@ def verdict_text(verdict: str, proof: Proof | None, *, last: bool = False) -> st
         if verdict == "proving…":
             return proving_text("")
         return "No design for these settings; what is seen is the last one." if last else "No design yet: drop a log."
-    return f"{for_page(verdict_brief(proof.to_document()))}."
+    return f"{for_page(verdict_brief(document_of(proof)))}."
 
 
 def conditions(proof: Proof | None) -> str:
     """Return what a proof leaves open and the conditions it holds under, as HTML to unfold; "" where there is none."""
-    parts = [] if proof is None else verdict_details(proof.to_document())
+    parts = [] if proof is None else verdict_details(document_of(proof))
     if not parts:
         return ""
     sentences = bullets([f"{for_page(part)[:1].upper()}{for_page(part)[1:]}." for part in parts])
@@ -152,17 +152,17 @@ def conditions(proof: Proof | None) -> str:
 def sentence(proof: Proof, switch_kind: str) -> str:
     """Return what the loop does in one sentence; of a first look it is the nominal run's."""
     found = {criterion.name: criterion.value for criterion in proof.criteria}
-    settling, overshoot, clicks = (found.get(name) for name in ("settling_time", "overshoot", "switchings"))
+    settling, overshoot, switchings = (found.get(name) for name in ("settling_time", "overshoot", "switchings"))
     worst = " at worst" if proof.open_points else ", nominal run"
     parts = []
     if settling is not None:
         parts.append("never settles" if math.isinf(settling) else f"settles in {duration_text(settling)}")
     if overshoot is not None:
         parts.append(f"overshoots {figure(overshoot, 2)} %{worst}" if overshoot > _SEEN_PCT else f"no overshoot{worst}")
-    if clicks is not None and math.isfinite(clicks):
+    if switchings is not None and math.isfinite(switchings):
         kind = "SSR" if switch_kind == "ssr" else switch_kind
-        lasts = "" if switch_kind == "ssr" else f", which lasts {life(switch_kind, clicks)}"
-        parts.append(f"{clicks:.0f} clicks an hour ({kind}{lasts})")
+        lasts = "" if switch_kind == "ssr" else f", which lasts {life(switch_kind, switchings)}"
+        parts.append(f"{switchings:.0f} switchings an hour ({kind}{lasts})")
     text = ", ".join(parts)
     return f"{text[:1].upper()}{text[1:]}."
 

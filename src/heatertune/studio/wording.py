@@ -16,7 +16,7 @@ from heatertune.studio.loop_settings import StudioSettings
 __all__ = ["SuggestedChange", "assumed_told", "fault_told", "for_page", "mend_for"]
 
 
-_OPTION: Final = re.compile(r"--([a-z]+(?:-[a-z]+)*)(?: NAME(?: or N|\|N)?| LOW HIGH)?")
+_OPTION: Final = re.compile(r"--([a-z]+(?:-[a-z]+)*)(?: NAME(?: or N|\|N)?| LOW HIGH| PCT)?")
 #: where an option's name alone would make no sentence
 _SENTENCES: Final = (
     (re.compile(r"--tag (.+?) --tag-column (.+?) to read"), r"the role zone for ‘\2’ to read"),
@@ -41,7 +41,8 @@ _CALLED: Final = {
     "temperature-unit": "the temperature's unit:", "time-unit": "the time's unit:", "tag": "the temperature's tag",
     "power-full-scale": "the reading at full power", "log-interval": "the log's interval",
     "run": "the choice of the run", "tag-column": "the column of the tags", "ambient": "the ambient temperature",
-    "power-before": "the power before the log", "range": "the sensor range", "input": "the analog input",
+    "power-before": "the power before the log", "largest-power": "the largest power in this log",
+    "range": "the sensor range", "input": "the analog input",
     "ms": "calm or brisk (Ms)", "sample-time": "the sampling interval TA", "tolerance": "the tolerance",
     "load-at": "‘load came’", "begins-at": "‘heat-up begins’",
 }

@@ -13,15 +13,17 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
-    from heatertune.zones.identify import FittedNetwork, ZoneLog, fit_network, network_by_hand, read_zones
+    from heatertune.zones.identify import FittedNetwork, ZoneLog, fit_network, network_by_hand
     from heatertune.zones.joint_proof import JointProof, design_zones, prove_zones
     from heatertune.zones.network import ThermalNetwork
     from heatertune.zones.zone_export import export_zones
+    from heatertune.zones.zone_reader import read_zones
 
 __getattr__, __dir__ = lazy_attributes(__name__, {
     "zones.identify": (
-        "FittedNetwork", "ZoneLog", "fit_network", "network_by_hand", "read_zones"),
+        "FittedNetwork", "ZoneLog", "fit_network", "network_by_hand"),
     "zones.joint_proof": ("JointProof", "design_zones", "prove_zones"),
     "zones.network": ("ThermalNetwork",),
     "zones.zone_export": ("export_zones",),
+    "zones.zone_reader": ("read_zones",),
 })

@@ -7,15 +7,19 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Final
 
+import numpy as np
+
 from heatertune import options
 from heatertune.cli import common, printing
 from heatertune.codec import DATA, plain, to_json
 from heatertune.errors import InputError
+from heatertune.proof.design_request import with_printer_range
 from heatertune.settings import FitSettings, SampleSettings, WordSettings
 from heatertune.writing import write_files
-from heatertune.zones.identify import FittedNetwork, fit_network, read_zones
+from heatertune.zones.identify import FittedNetwork, fit_network
 from heatertune.zones.joint_proof import JointProof, ZoneSpecification, design_zones, specification_for
-from heatertune.zones.zone_export import export_zones
+from heatertune.zones.zone_export import demand_program, export_zones
+from heatertune.zones.zone_reader import read_zones
 from heatertune.zones.zone_record import zone_record
 
 __all__ = ["run", "to_document"]
@@ -37,10 +41,13 @@ def run(settings: argparse.Namespace) -> int:
     request = common.design_request(settings)
     _refuse_others(settings, request)
     zones = [zone.strip() for zone in settings.zones.split(",")]
+    _demand_program(settings, request.target, len(zones))
     progress("reading")
     log = read_zones([settings.log, *settings.zone_log], zones, common.reading(settings))
     for repair in log.repairs:
         progress.note(repair)
+    hottest = [log.temperatures_degC, *([] if log.setpoints_degC is None else [log.setpoints_degC])]
+    request = with_printer_range(request, float(np.max(hottest)))
     progress("fitting the network of all zones")
     fitted = fit_network(log, structure=settings.neighbours)
     progress("tuning and proving all zones together")
@@ -75,6 +82,13 @@ def _refuse_others(settings: argparse.Namespace, request: Any) -> None:
         text = getattr(settings, name)
         if text is not None and len(text.split(",")) != len(settings.zones.split(",")):
             raise InputError(f"--{name.replace('_', '-')} {text}: expected a number for each of {settings.zones}")
+
+
+def _demand_program(settings: argparse.Namespace, target: str, zones: int) -> None:
+    """Refuse what no program of the target can do, before anything is computed."""
+    if settings.peak_power is not None and settings.rated_power is None:
+        raise InputError("--peak-power: needs the rated power of each zone's heater; state --rated-power")
+    demand_program(target, zones, staggered=settings.stagger or settings.peak_power is not None)
 
 
 def _numbers(flag: str, text: str) -> tuple[float, ...]:

@@ -1,7 +1,5 @@
 """Log of several zones → the thermal network behind it, with intervals, and the couplings that the log leaves open.
 
-A log is one file with a temperature and a power for each zone, or a file for each zone, all of one clock.
-
 A linear least-squares fit of the integrated heat balance, zone by zone, gives the start. The whole network is then
 fitted to all readings at once with its exact solution (output error), so the noise of a neighbour's reading biases
 nothing. The intervals take the autocorrelation of each zone's residuals into account.
@@ -12,8 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
-from pathlib import Path
+from functools import cached_property, partial
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -21,16 +18,10 @@ import numpy.typing as npt
 
 from heatertune.arrays import Array
 from heatertune.errors import InputError, OutOfRange
-from heatertune.log import read_log
-from heatertune.log.cells import read_sheet
-from heatertune.log.columns import with_names
-from heatertune.log.log_values import ABSOLUTE_ZERO_DEGC, MIN_SAMPLES, Log
-from heatertune.log.quantities import is_second_choice, role_of
-from heatertune.log.side_columns import is_cooling, is_fan
+from heatertune.log.log_values import ABSOLUTE_ZERO_DEGC, MIN_SAMPLES
 from heatertune.model.findings import Finding
+from heatertune.model.outliers import sensor_step
 from heatertune.model.statistics import Interval
-from heatertune.options import merge_options
-from heatertune.settings import ReadSettings
 from heatertune.zones.network import (
     Modes,
     ThermalNetwork,
@@ -40,7 +31,7 @@ from heatertune.zones.network import (
     simulate_many,
 )
 
-__all__ = ["FittedNetwork", "ParameterLayout", "ZoneLog", "fit_network", "network_by_hand", "read_zones"]
+__all__ = ["FittedNetwork", "ParameterLayout", "ZoneLog", "fit_network", "network_by_hand"]
 
 _ROWS: Final = 1200  # readings used of each zone
 _DEAD_TIMES: Final = 25  # tried for the start of the fit
@@ -51,6 +42,8 @@ _SIGNIFICANT: Final = 25.0  # points that a coupling beyond the structure has to
 _BIC: Final = 10.0  # points that a second lag of each zone has to gain, for each parameter
 _WHITE: Final = 1.25  # inflation below which residuals leave nothing to explain
 _POOR_PCT: Final = 80.0
+_GOOD_PCT: Final = 98.0  # of a zone's log: a network that explains less has to leave little more than noise
+_MOST_LEFT: Final = 4.0  # times the noise between neighbouring rows, that it may leave then
 _MOST_STEPS: Final = 40
 _CHANGES: Final = 60  # of a zone's power, the largest, whose instants are fitted
 _ROUNDS: Final = 3  # of that fit
@@ -117,6 +110,7 @@ class ZoneLog:
         temperatures_degC: shape (N, n) [°C].
         powers_pct: held from its instant to the next, shape (N, n) [0…100 %].
         setpoints_degC: shape (N, n), None if not logged [°C].
+        courses: of each power by its own instants; empty: as `powers_pct`.
         repairs: what the reader changed or assumed, one sentence each.
         findings: that leave a network of this log unproven: a unit without evidence.
 
@@ -131,6 +125,7 @@ class ZoneLog:
     temperatures_degC: Array
     powers_pct: Array
     setpoints_degC: Array | None = None
+    courses: tuple[ZonePower, ...] = ()
     repairs: tuple[str, ...] = ()
     findings: tuple[Finding, ...] = ()
 
@@ -327,7 +322,7 @@ class _NetworkProblem:
     @classmethod
     def from_log(cls, log: ZoneLog) -> _NetworkProblem:
         keep = slice(None, None, math.ceil(len(log.time_s) / _ROWS))
-        courses = [ZonePower.from_rows(log.time_s, power) for power in log.powers_pct.T]
+        courses = log.courses or [ZonePower.from_rows(log.time_s, power) for power in log.powers_pct.T]
         return cls(time_s=log.time_s[keep], readings=log.temperatures_degC[keep], courses=courses,
                    longest_s=float(np.ptp(log.time_s)) / 4.0, interval_s=log.interval_s)
 
@@ -506,15 +501,20 @@ class _NetworkProblem:
         return fit
 
     def with_second_lags(self, fit: _NetworkFit) -> _NetworkFit:
-        """Return the fit with a second lag of each zone where it explains the log better."""
+        """Return the fit with a second lag of each zone where it explains the log better.
+
+        The larger lag may be the zone's own or that between heater and sensor: heat is exchanged after it or before.
+        """
         if max(_inflation(each) for each in fit.residuals.T) < _WHITE:
             return fit
         own, _ = fit.layout.parts(fit.values)
         second = np.log(np.maximum(0.5 * own[:, 2], 0.02 * np.exp(own[:, 1])))
         start = np.column_stack([own, second])
         start[:, 2] = 0.5 * own[:, 2]
+        exchanged = start[:, [0, 5, 2, 3, 4, 1]]
         layout = fit.layout._replace(second=True)
-        wider = self.fit(layout, np.concatenate([start.ravel(), fit.values[own.size:]]))
+        both = (self.fit(layout, np.concatenate([each.ravel(), fit.values[own.size:]])) for each in (start, exchanged))
+        wider = max(both, key=partial(_gain, fit))
         return wider if _gain(fit, wider) > _BIC * fit.layout.size and self._bounds_lags(wider) else fit
 
     def _bounds_lags(self, fit: _NetworkFit) -> bool:
@@ -545,8 +545,7 @@ def _result(log: ZoneLog, problem: _NetworkProblem, fit: _NetworkFit) -> FittedN
             raise InputError(f"{log.name}: the log does not show the heater of zone {zone!r}: {_FROM_REST}")
     error = np.sqrt(np.sum(fit.residuals**2, axis=0) / np.sum((readings - readings.mean(axis=0)) ** 2, axis=0))
     fit_pct = tuple(100.0 * (1.0 - error))
-    findings = [Finding(name="poor-fit", message=f"the network explains {share:.3g} % of zone {zone}'s log")
-                for zone, share in zip(log.zones, fit_pct, strict=True) if share < _POOR_PCT]
+    findings = [*_poor_findings(log, fit_pct, fit.residuals)]
     fitted = FittedNetwork(
         network=fit.layout.network(log.zones, fit.values), layout=fit.layout, values=fit.values,
         covariance=covariance, late_s=_LATE_ROWS * log.interval_s,
@@ -555,6 +554,20 @@ def _result(log: ZoneLog, problem: _NetworkProblem, fit: _NetworkFit) -> FittedN
         setpoints_degC=None if log.setpoints_degC is None else tuple(log.setpoints_degC[-1]),
         highest_degC=tuple(readings.max(axis=0)))
     return replace(fitted, findings=(*log.findings, *findings, *_open_findings(fitted)))
+
+
+def _poor_findings(log: ZoneLog, fit_pct: Sequence[float], residuals_degC: Array) -> Iterator[Finding]:
+    """Yield which logs the network does not explain, residuals of shape (N, n)."""
+    for zone, share, left, readings in zip(log.zones, fit_pct, residuals_degC.T, log.temperatures_degC.T, strict=True):
+        noise = float(np.sqrt(np.mean(np.diff(left, 2) ** 2) / 6.0))
+        noise = max(noise, (sensor_step(readings) or 0.0) / math.sqrt(12.0))
+        message = f"the network explains {share:.3g} % of zone {zone}'s log"
+        if share < _POOR_PCT:
+            yield Finding(name="poor-fit", message=message)
+        elif share < _GOOD_PCT and float(left.std()) > _MOST_LEFT * noise:
+            yield Finding(name="poor-fit", message=(
+                f"{message} and leaves {float(left.std()):.2g} °C, far more than noise; if zones share a slow mass, "
+                "no network does better: log each zone while the others rest, and design each by itself"))
 
 
 def _open_findings(fitted: FittedNetwork) -> Iterator[Finding]:
@@ -571,112 +584,3 @@ def _open_findings(fitted: FittedNetwork) -> Iterator[Finding]:
         if name.startswith("exchange") and interval.high is not None and interval.high < -_COLDER:
             yield Finding(name="contradicted", message=(
                 f"the {name} would be below 0 ({interval.high:.2g} at most), which no heat exchange is"))
-
-
-_ROLES: Final = ("temperature", "power", "setpoint")
-_CLOCK_S: Final = 1e-6  # instants of two zones closer than this are one row
-
-
-def read_zones(
-    sources: str | Path | Sequence[str | Path], zones: Sequence[str], settings: ReadSettings | None = None,
-    **changed: Any,
-) -> ZoneLog:
-    """Read a log of several zones.
-
-    In one file, a zone's columns are those whose names hold the zone's name; where no name does, the first zone has the
-    first temperature, power and setpoint, the second one the second, and so on.
-
-    Args:
-        sources: one file with all zones, or one file for each zone in their order, all with the same instants.
-        zones: names of the zones, neighbours next to each other.
-        settings: how to read each file, as `heatertune.log.read_log`; None: detect everything.
-        changed: fields of `ReadSettings` that differ from `settings`.
-
-    Raises:
-        InputError: fewer than two zones, another number of files than zones, a zone without temperature or power, or
-            files of different clocks.
-        LogError, OutOfRange: as `read_log`.
-    """
-    asked = merge_options(ReadSettings, settings, changed)
-    paths = [sources] if isinstance(sources, str | Path) else list(sources)
-    names = tuple(zone.strip() for zone in zones)
-    if len(names) < 2 or len(set(names)) < len(names):
-        raise InputError("--zones: expected the names of two zones or more, each another one")
-    if len(paths) == 1:
-        columns = _columns_of(Path(paths[0]), names, asked)
-        logs = [read_log(paths[0], merge_options(ReadSettings, asked, own)) for own in columns]
-    elif len(paths) == len(names):
-        logs = [read_log(path, asked) for path in paths]
-    else:
-        raise InputError(f"{len(paths)} logs for {len(names)} zones: give one file with all zones, or one for each")
-    return _joined(names, logs)
-
-
-def _columns_of(path: Path, zones: Sequence[str], settings: ReadSettings) -> list[dict[str, str]]:
-    """Return the columns of each zone as options of `read_log`."""
-    sheet = with_names(read_sheet(path, None, settings.skip_rows, settings.tag, settings.decimal_comma))
-    if not sheet.header:
-        raise InputError(f"{path.name}: columns without names; name them in a first row, so that zones are known")
-    found: dict[str, list[str]] = {role: [] for role in _ROLES}
-    for name in sheet.header:
-        role = role_of(name)
-        if role in found and not (is_cooling(name) or is_fan(name) or is_second_choice(name)):
-            found[role].append(name)
-    return [_of_zone(path, zone, number, len(zones), found) for number, zone in enumerate(zones)]
-
-
-def _of_zone(path: Path, zone: str, number: int, count: int, by_role: dict[str, list[str]]) -> dict[str, str]:
-    columns = {}
-    for role, names in by_role.items():
-        own = [name for name in names if zone.casefold() in name.casefold()]
-        if len(own) == 1:
-            columns[f"{role}_column"] = own[0]
-        elif len(names) == count:
-            columns[f"{role}_column"] = names[number]
-        elif role == "setpoint":
-            columns["setpoint_column"] = "none"
-        else:
-            raise InputError(
-                f"{path.name}: {len(own) or len(names)} columns may be the {role} of zone {zone!r} "
-                f"({', '.join(own or names) or 'none'}); name the columns by their zones, such as '{zone} {role}'")
-    return columns
-
-
-def _joined(zones: tuple[str, ...], logs: Sequence[Log]) -> ZoneLog:
-    """Return the rows that all zones have."""
-    common = logs[0].time_s
-    for log in logs[1:]:
-        near = np.abs(log.time_s[_nearest(log.time_s, common)] - common) <= _CLOCK_S
-        common = common[near]
-    for zone, log in zip(zones, logs, strict=True):
-        if log.power_pct is None:
-            raise InputError(f"{log.name}: zone {zone!r} has no power; log the power of each zone")
-        log.demand_heater_alone("which the zones cannot use: log heaters alone")
-        if len(common) < max(MIN_SAMPLES, len(log.time_s) // 2):
-            raise InputError(f"{len(common)} of {len(log.time_s)} rows of zone {zone!r} have the instants of the other "
-                             "zones; log all zones at the same instants")
-    rows = [_nearest(log.time_s, common) for log in logs]
-    has_setpoints = all(log.setpoint_degC is not None for log in logs)
-
-    def column(name: str) -> Array:
-        return np.column_stack([getattr(log, name)[row] for log, row in zip(logs, rows, strict=True)])
-
-    repairs = tuple(dict.fromkeys(repair for log in logs for repair in log.repairs if "was taken as the" not in repair))
-    return ZoneLog(
-        name=logs[0].name if len({log.name for log in logs}) == 1 else " and ".join(log.name for log in logs),
-        zones=zones, time_s=common, temperatures_degC=column("temperature_degC"), powers_pct=column("power_pct"),
-        setpoints_degC=column("setpoint_degC") if has_setpoints else None, repairs=repairs,
-        findings=tuple({finding.message: finding for finding in _unit_findings(zones, logs)}.values()))
-
-
-def _unit_findings(zones: Sequence[str], logs: Sequence[Log]) -> Iterator[Finding]:
-    for zone, log in zip(zones, logs, strict=True):
-        if log.taken is not None and log.taken.assumed:
-            yield Finding(name="unit-assumed", message=(
-                f"nothing in {log.taken.file} shows the unit of the {' and '.join(log.taken.assumed)} of zone {zone}; "
-                f"check, and state: {' '.join(log.taken.assumed.values())}"))
-
-
-def _nearest(time_s: Array, wanted_s: Array) -> Array:
-    after = np.clip(np.searchsorted(time_s, wanted_s), 1, len(time_s) - 1)
-    return np.asarray(after - (wanted_s - time_s[after - 1] < time_s[after] - wanted_s))

@@ -21,7 +21,7 @@ from heatertune.plc import controller_for
 from heatertune.plc.pwm import INSTANT_S, Actuator, on_time
 from heatertune.plc.words import Words
 from heatertune.proof.loop import actuator_of, in_loop
-from heatertune.zones.network import ThermalNetwork
+from heatertune.zones.network import Modes, ThermalNetwork
 
 __all__ = ["JointTrace", "ZoneEvent", "ZoneLoop", "run_zones"]
 
@@ -95,6 +95,7 @@ class JointTrace:
         setpoints_degC: shape (K, n).
         pulses: (zone, begin [s], end [s]) of each pulse of the switches.
         readings: what each controller was given, in its units, shape (K, n).
+        highest_degC, lowest_degC: at each scan, and at each switching up to the next one, shape (K, n).
         overflows: how often a controller set a flag of an overflow.
     """
 
@@ -104,6 +105,8 @@ class JointTrace:
     setpoints_degC: Array
     pulses: tuple[tuple[int, float, float], ...]
     readings: Array
+    highest_degC: Array
+    lowest_degC: Array
     overflows: int
 
     def heaters_on(self, from_s: float = 0.0) -> tuple[Array, Array]:
@@ -211,10 +214,10 @@ def run_zones(
     modes, scans = network.modes, int(duration_s / interval) + 1
     rest = network.steady_degC([0.0] * count)
     z = modes.inverse @ np.concatenate([rest, np.zeros(len(modes.elements))])
-    decay, growth = np.exp(modes.rates * interval), np.expm1(modes.rates * interval) / modes.rates
     noise = np.random.default_rng(seed).normal(0.0, noise_degC, (scans, count)) if noise_degC else np.zeros((1, count))
     temperatures, powers = np.empty((scans, count)), np.zeros((scans, count))
     setpoints, readings = np.full((scans, count), np.nan), np.zeros((scans, count))
+    highest, lowest = np.empty((scans, count)), np.empty((scans, count))
     load, heat = np.zeros(count), np.zeros(count)
     asked = np.full(count, np.nan)
     pulses: list[list[float]] = []
@@ -232,19 +235,51 @@ def run_zones(
                 powers[k, number] = zone.power
             zone.switch(now + interval, pulses, number)
         setpoints[k] = asked
-        drive = modes.inputs @ (heat - load) + modes.constant
-        z = decay * z + growth * drive
-        for number, zone in enumerate(zones):
-            while zone.arriving and zone.arriving[0][0] < now + interval:
-                instant, level = zone.arriving.popleft()
-                change = (100.0 if level else 0.0) - heat[number]
-                heat[number] += change
-                z = z + modes.inputs[:, number] * (change * np.expm1(modes.rates * (now + interval - instant))
-                                                   / modes.rates)
+        z, between = _switched(modes, z, heat, load, _arriving(zones, now + interval), now, now + interval)
+        highest[k], lowest[k] = between.max(axis=0, initial=-np.inf), between.min(axis=0, initial=np.inf)
+    highest, lowest = np.maximum(highest, temperatures), np.minimum(lowest, temperatures)
     return JointTrace(
         time_s=np.arange(scans, dtype=np.float64) * interval, temperatures_degC=temperatures, powers_pct=powers,
         setpoints_degC=setpoints, pulses=tuple((int(zone), begin, end) for zone, begin, end in pulses),
-        readings=readings, overflows=overflows)
+        readings=readings, highest_degC=highest, lowest_degC=lowest, overflows=overflows)
+
+
+def _switched(
+    modes: Modes, z: Array, heat: Array, load: Array, edges: Sequence[tuple[float, int, bool]], now: float, until: float
+) -> tuple[Array, Array]:
+    """Return the state at an instant, and the temperatures at each switching before it, shape (m, n) [°C].
+
+    Args:
+        modes: of the network.
+        z: its state now, shape (modes,).
+        heat: power of each heater now, shape (n,), changed in place to that at the instant [%].
+        load: taken from each zone, shape (n,) [%].
+        edges: of `_arriving`.
+        now: [s].
+        until: the instant [s].
+    """
+    drives = [modes.inputs @ (heat - load) + modes.constant]
+    for _, number, level in edges:
+        power = 100.0 if level else 0.0
+        drives.append(drives[-1] + modes.inputs[:, number] * (power - heat[number]))
+        heat[number] = power
+    instants = [max(instant, now) for instant, *_ in edges]
+    exponents = np.multiply.outer(np.diff([now, *instants, until]), modes.rates)
+    decays, pushed = np.exp(exponents), np.expm1(exponents) / modes.rates * np.array(drives)
+    states = [z]
+    for decay, push in zip(decays, pushed, strict=True):
+        states.append(decay * states[-1] + push)
+    return states[-1], (np.array(states[1:-1]).reshape(-1, len(z)) @ modes.outputs.T).real
+
+
+def _arriving(zones: Sequence[_Zone], until: float) -> list[tuple[float, int, bool]]:
+    """Take the switchings that reach the heaters before an instant: instant, zone and level, in order of time."""
+    found = []
+    for number, zone in enumerate(zones):
+        while zone.arriving and zone.arriving[0][0] < until:
+            instant, level = zone.arriving.popleft()
+            found.append((instant, number, level))
+    return sorted(found)
 
 
 def _happen(

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Final, NamedTuple
 
@@ -20,11 +20,12 @@ from heatertune.errors import InputError, OutOfRange
 from heatertune.model.findings import KINDS, Finding, remedy_of
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.open_points import settings_to_prove
-from heatertune.plc.pwm import Actuator
+from heatertune.plc.pwm import Actuator, in_ticks
 from heatertune.plc.words import Certificate, Words
 from heatertune.proof.criteria import LoopLimits
 from heatertune.proof.heaters import MAINS_POWERS, RESERVE_PCT
 from heatertune.proof.prove_words import actuator_for
+from heatertune.proof.ripple_and_wear import ripple_degC
 from heatertune.proof.spec_file import specification_of
 from heatertune.proof.verdict import FitDiagnostics
 from heatertune.settings import Conditions
@@ -44,6 +45,7 @@ _DECAY: Final = 200.0  # the loop has settled where its slowest motion is so man
 _BEYOND: Final = 1.1  # times the logged rise that a setpoint may be above the ambient
 _IDLE_PCT: Final = 1.0  # power that a zone needs at least to hold its setpoint
 _NOT_TESTED: Final = ("a sensor that breaks", "mains that change while the zones run", "a setpoint profile")
+_RIPPLE: Final = 0.2  # of the tolerance, peak to peak: so much is left to the PWM
 _COOLS: Final = 3.0  # time constants in which an overheated zone cools down
 _STEPS: Final = ("log a step of each zone's power, one after the other, each until all temperatures are steady, with "
                  "doors and fans unchanged")
@@ -52,7 +54,7 @@ _REMEDIES: Final = {
     "beyond-the-log": "log up to the setpoint, or choose setpoints that the log covers (--zone-setpoints)",
     **dict.fromkeys(("poor-fit", "unexplained-by-power", "contradicted"), _STEPS)}
 _ORDERS: Final = 100  # of the zones' pulses tried at random
-_ATTEMPTS: Final = 4  # designs that are proven, each detuned further
+_ATTEMPTS: Final = 5  # designs that are proven, each detuned further
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,6 +142,7 @@ class JointProof:
         bound_share: share of the PWM periods, while the setpoints are held, in which no more than ⌈Σ duty⌉ of the run's
             network are on at once.
         trace: the first run, on the best fit.
+        switches: open point → setting that the user knows.
     """
 
     design: JointDesign
@@ -157,6 +160,7 @@ class JointProof:
     heaters_bound: int
     bound_share: float
     trace: JointTrace
+    switches: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def words(self) -> tuple[Words, ...]:
@@ -192,12 +196,14 @@ class JointProof:
             remedy = _REMEDIES.get(each.name) or remedy_of(each.name, [])
             lines.append(f"not proven ({each.name}): {each.message}; {remedy}, or --accept {each.name}")
         lines += [f"accepted: {KINDS[name].short}" for name in self.accepted]
+        lines += dict.fromkeys(f"assumed: {each.kind.short}" for each in self.findings if each.kind.is_assumption)
         lines += [f"not tested: {', '.join(self.not_tested)}"] if self.not_tested else []
         lines += [f"{each.name}: {each.value:.4g} of {each.limit:.4g} ({each.where})"
                   for each in self.criteria if each.ok]
         peak = "" if self.peak_kw is None else f", {self.peak_kw:.4g} kW"
-        lines.append(f"heaters on at once while the setpoints are held: at most {self.peak_heaters}{peak}; the duties "
-                     f"need {self.heaters_bound}, kept in {100.0 * self.bound_share:.4g} % of the PWM periods")
+        lines.append(f"heaters on at once while the setpoints are held: at most {self.peak_heaters}{peak}; the best "
+                     f"fit needs {self.heaters_bound}; in {100.0 * self.bound_share:.4g} % of the PWM periods no more "
+                     "than the duties of the run need")
         return "\n".join(lines)
 
     def certificate(self) -> Certificate:
@@ -205,7 +211,8 @@ class JointProof:
         kept = tuple(f"{each.name}: " for each in self.criteria if each.ok)
         lines = (f"proven together with the other zones: {', '.join(self.fitted.network.zones)}",
                  *(line for line in self.summary().splitlines()[1:] if not line.startswith(kept)))
-        return Certificate(verdict=self.verdict, lines=lines, forced=self.verdict != "PASS", actuator=self.actuator)
+        return Certificate(verdict=self.verdict, lines=lines, forced=self.verdict != "PASS", actuator=self.actuator,
+                           switches=self.switches)
 
 
 class _Phase(NamedTuple):
@@ -301,9 +308,9 @@ def prove_zones(
         if not low < setpoint < high:
             rule = f"> {low:g} and < {high:g}, the sensor's range (--range)"
             raise OutOfRange(f"setpoint of zone {name}", setpoint, rule)
-    actuator = actuator_for(asked, design.words[0])
     networks = fitted.draw(_DRAWN)
     held = [network.holding_pct(specification.setpoints_degC) for _, network in networks]
+    actuator = _calm_actuator(asked, design.words[0], specification, networks[0][1])
     staggered = specification.staggered or specification.peak_kw is not None
     likely = [held[0], *(held[0] * share for share in (0.9, 1.05, 1.1, 1.0 / MAINS_POWERS[0], 1.0 / MAINS_POWERS[1]))]
     offsets = (0.0,) * len(held[0])
@@ -322,13 +329,36 @@ def prove_zones(
     found = list({each.name: each for each in sorted(criteria, key=lambda criterion: criterion.share)}.values())
     peak_kw = sum(sorted(specification.rated_kw, reverse=True)[:peak.most]) if specification.rated_kw else None
     if specification.peak_kw is not None and peak_kw is not None:
-        found.append(JointCriterion(name="peak power [kW]", value=peak_kw, limit=specification.peak_kw,
-                                    where="all zones, while the setpoints are held"))
+        found.append(JointCriterion(
+            name="peak power [kW]", value=peak_kw, limit=specification.peak_kw,
+            where=f"{peak.most} heaters at once while the setpoints are held; --peak-power "
+                  f"{math.ceil(1000.0 * peak_kw - 1e-6) / 1000.0:g} allows them"))
     return JointProof(
         design=design, fitted=fitted, specification=specification, actuator=actuator, offsets_s=offsets,
         criteria=tuple(found), runs=tuple(runs), findings=(*fitted.findings, *_beyond_log(fitted, specification)),
         accepted=tuple(asked.accept), not_tested=(*dict.fromkeys(prover.not_tested), *_NOT_TESTED),
-        peak_heaters=peak.most, peak_kw=peak_kw, heaters_bound=peak.bound, bound_share=peak.share, trace=traces[0])
+        peak_heaters=peak.most, peak_kw=peak_kw, heaters_bound=peak.bound, bound_share=peak.share, trace=traces[0],
+        switches=dict(asked.switches))
+
+
+def _calm_actuator(
+    conditions: Conditions, words: Words, specification: ZoneSpecification, network: ThermalNetwork
+) -> Actuator:
+    """Return the switch of every zone; without a stated PWM period, TA in as many parts as a small ripple takes."""
+    actuator, controller = actuator_for(conditions, words), controller_for(words.target)
+    if {conditions.pwm_period_s, controller.timing(words).pwm_period_s, controller.pwm_period_s} != {None}:
+        return actuator
+    held = np.clip(network.holding_pct(specification.setpoints_degC), 0.0, 100.0)
+    heaters = [(network.neighbours_held(zone), float(power)) for zone, power in enumerate(held)]
+    parts = words.sample_time_s / np.arange(1, max(int(words.sample_time_s), 1) + 1)
+    for period in map(float, parts[parts <= actuator.pwm_period_s]):
+        if not in_ticks(period, controller.tick_s):
+            continue
+        actuator = actuator_for(replace(conditions, pwm_period_s=period), words)
+        ripple = max(ripple_degC(heater, period, power) for heater, power in heaters)
+        if ripple <= _RIPPLE * specification.limits.tolerance_degC:
+            break
+    return actuator
 
 
 def offsets_for(duties_pct: npt.ArrayLike, period_s: float, resolution_s: float) -> tuple[float, ...]:
@@ -540,24 +570,28 @@ class _Prover:
         found = [JointCriterion(name="overflows", value=float(trace.overflows), limit=0.0, where="all zones")]
         for phase in phases:
             inside = (trace.time_s >= phase.start_s) & (trace.time_s < phase.end_s)
-            error = (trace.temperatures_degC - trace.setpoints_degC)[inside]
-            last = error[-max(len(error) // 5, 2):]
+            seen, high, low = ((each - trace.setpoints_degC)[inside] for each in (
+                trace.temperatures_degC, trace.highest_degC, trace.lowest_degC))
             for zone in range(self.count):
                 if zone not in phase.idle:
-                    found += self._of_zone(phase, zone, error[:, zone], last[:, zone], network)
+                    found += self._of_zone(phase, zone, (seen[:, zone], high[:, zone], low[:, zone]), network)
         return found
 
     def _of_zone(
-        self, phase: _Phase, zone: int, error: Array, last: Array, network: ThermalNetwork
+        self, phase: _Phase, zone: int, errors: tuple[Array, Array, Array], network: ThermalNetwork
     ) -> Iterator[JointCriterion]:
+        """Yield the criteria of a zone, of its distances at the scans and of the highest and lowest between them."""
         limits, name = self.specification.limits, self.zones[zone]
+        seen, high, low = errors
+        last, rest = seen[-max(len(seen) // 5, 2):], slice(-max(len(seen) // 5, 2), None)
         where = f"zone {name}, {phase.kind}" + ("" if phase.zone < 0 else f" ({self.zones[phase.zone]})")
         make = partial(JointCriterion, where=where)
         yield make(name="offset at rest [°C]", value=float(np.abs(last.mean())), limit=limits.tolerance_degC)
         yield make(name="swing at rest [°C]", value=float(np.ptp(last)), limit=limits.tolerance_degC)
-        yield make(name="error at rest [°C]", value=float(np.abs(last).max()), limit=limits.tolerance_degC)
+        yield make(name="error at rest [°C]", value=float(max(high[rest].max(), -low[rest].min())),
+                   limit=limits.tolerance_degC)
         rise = max(float(self.setpoints[zone]) - network.ambients_degC[zone], 1.0)
-        over = 100.0 * float(error.max()) / rise
+        over = 100.0 * float(high.max()) / rise
         if phase.kind in ("heat-up", "restart", "started in turn"):
             if limits.overshoot_pct is not None and (phase.zone in (-1, zone)):
                 yield make(name="overshoot [%]", value=over, limit=limits.overshoot_pct)
@@ -565,14 +599,14 @@ class _Prover:
             if limits.reheat_overshoot_pct is not None:
                 yield make(name="overshoot after a fault [%]", value=over, limit=limits.reheat_overshoot_pct)
         elif phase.kind.startswith("setpoint") and zone != phase.zone:
-            yield make(name="neighbour deviation [°C]", value=float(np.abs(error).max()),
+            yield make(name="neighbour deviation [°C]", value=float(max(high.max(), -low.min())),
                        limit=self.specification.deviation_limit_degC(phase.change_degC))
         elif phase.kind == "setpoint change" and limits.small_change_overshoot_pct is not None:
-            yield make(name="overshoot of a setpoint change [°C]", value=float(error.max()), limit=max(
+            yield make(name="overshoot of a setpoint change [°C]", value=float(high.max()), limit=max(
                 limits.small_change_overshoot_pct / 100.0 * phase.change_degC, limits.tolerance_degC))
         elif phase.kind in ("load", "load gone") and limits.recovery_overshoot_pct is not None:
             yield make(name="overshoot after a load [%]",
-                       value=100.0 * float((error if phase.kind == "load" else -error).max()) / rise,
+                       value=100.0 * float((high if phase.kind == "load" else -low).max()) / rise,
                        limit=limits.recovery_overshoot_pct)
 
 

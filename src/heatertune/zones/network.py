@@ -88,7 +88,7 @@ class ThermalNetwork:
         dead_times_s: from a zone's power to its temperature [s].
         ambients_degC: temperature of a zone without power and exchange [°C].
         exchange: heat exchanged with zone j per degree, relative to the loss of zone i, shape (n, n), 0 at i = j.
-        second_time_constants_s: lag of the heating element before the zone; 0: none [s].
+        second_time_constants_s: lag of the heating element before the zone, or of the sensor behind it; 0: none [s].
 
     Raises:
         InputError: no zone, or names that are not unique.

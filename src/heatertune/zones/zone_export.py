@@ -41,21 +41,34 @@ def export_zones(proof: JointProof, *, force: bool = False) -> dict[str, str | b
     if proof.verdict != "PASS" and not force:
         raise ExportRefused(f"{proof.summary().splitlines()[0]}; --force exports these parameters anyway")
     target, zones = proof.words[0].target, proof.fitted.network.zones
-    if any(proof.offsets_s) and target != "s7-300":
-        raise InputError(f"the program of {target} begins the PWM periods of all zones at once: leave out --peak-power "
-                         "and --stagger, or take --target s7-300")
+    demand_program(target, len(zones), staggered=any(proof.offsets_s))
     parts = []
-    for words, setpoint in zip(proof.words, proof.specification.setpoints_degC, strict=True):
-        certificate = replace(proof.certificate(), setpoint_degC=setpoint)
+    heaters = next((switch.settings for switch in controller_for(target).switches if switch.name == "heater"), ())
+    for zone, words, setpoint in zip(zones, proof.words, proof.specification.setpoints_degC, strict=True):
+        own = {"heater": zone} if zone in heaters else {}
+        certificate = replace(proof.certificate(), setpoint_degC=setpoint, switches={**proof.switches, **own})
         parts.append(dict(controller_for(target).export(words, certificate)))
     program = _PROGRAMS.get(target)
     if program is None:
         folders = [f"zone{number}_{_NO_FILE_NAME.sub('_', zone)}" for number, zone in enumerate(zones, start=1)]
         return {f"{folder}/{name}": content for folder, part in zip(folders, parts, strict=True)
                 for name, content in part.items()}
-    if len(zones) > _MOST:
-        raise InputError(f"{len(zones)} zones: a program has outputs for {_MOST}; make two groups that do not touch")
     return program(zones, parts, proof)
+
+
+def demand_program(target: str, zones: int, *, staggered: bool) -> None:
+    """Refuse what no program of a target can do: raise InputError as `export_zones`.
+
+    Args:
+        target: the controller of all zones.
+        zones: how many there are.
+        staggered: whether their PWM periods begin one after the other.
+    """
+    if staggered and target != "s7-300":
+        raise InputError(f"the program of {target} begins the PWM periods of all zones at once: leave out --peak-power "
+                         "and --stagger, or take --target s7-300")
+    if target in _PROGRAMS and zones > _MOST:
+        raise InputError(f"{zones} zones: a program has outputs for {_MOST}; make two groups that do not touch")
 
 
 def _s5(zones: Sequence[str], parts: Sequence[Mapping[str, str | bytes]], _proof: JointProof) -> dict[str, str | bytes]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +18,7 @@ from heatertune.settings import SensorSettings
 from heatertune.units import check
 
 if TYPE_CHECKING:
+    from heatertune.live.hold import WayBack
     from heatertune.live.write.apply import WritePlan, WriteRequest, WriteResult
     from heatertune.live.write.plc_block import LinkSettings
     from heatertune.live.write.rollback import Before
@@ -143,8 +145,8 @@ def _of_plan(settings: argparse.Namespace, wanted: WriteRequest, plan: WritePlan
         yield f"- {unended}"  # not wrapped: it ends in a command line
     if all(check.ok is not False for check in plan.checks) and plan.parts and not plan.no_order:
         said = [check.option for check in plan.checks if check.ok is None and check.option]
-        again = " ".join([*settings.given, *said, "--apply", "--confirm", wanted.proven_words.yes])
-        yield from wrap_text(f"heatertune {again}", "to write: ")
+        again = shlex.join([*settings.given, *" ".join(said).split(), "--apply", "--confirm", wanted.proven_words.yes])
+        yield f"to write:\n  heatertune {again}"  # not wrapped: it is typed
 
 
 def _of_block(difference: Mapping[str, Any]) -> dict[str, Any]:
@@ -163,7 +165,7 @@ def _of_applied(done: WriteResult) -> Iterator[str]:
         yield from wrap_text(told, "- ")
     yield from ended_lines(done.end)
     if done.record is not None:
-        yield f"record {done.record}; back again: heatertune rollback {done.record}"
+        yield f"record {done.record}; back again: heatertune rollback {shlex.quote(str(done.record))}"
 
 
 def ended_lines(ended: WriteEnd) -> Iterator[str]:
@@ -207,25 +209,36 @@ def _run_rollback(settings: argparse.Namespace) -> int:
             ended = inspect_write(before, link)
         except LinkError as problem:
             return not_read(settings, document, problem)
-    unended = Hold(before.address).message()
-    printing.output(settings, document | ended.to_document() | {"unended": unended or None},
+    unended = Hold(before.address).way_back()
+    printing.output(settings, document | ended.to_document() | {"unended": unended.message if unended else None},
                     lambda: "\n".join(_lines(settings, before, ended, unended)))
     return 0 if not settings.apply or ended.is_done else 1
 
 
-def _lines(settings: argparse.Namespace, before: Before, ended: WriteEnd, unended: str) -> Iterator[str]:
-    from heatertune.live.write.rollback import not_proven
-
+def _lines(settings: argparse.Namespace, before: Before, ended: WriteEnd, unended: WayBack | None) -> Iterator[str]:
     if unended:
-        yield f"- {unended}"  # not wrapped: it ends in a command line
+        yield f"- {unended.message}"  # not wrapped: it ends in a command line
     if settings.apply:
         yield from ended_lines(ended)
-    else:
-        yield from wrap_text(f"{before.address.text}: {ended.message}")
-        back = [name for part in before.parts for name in part.names
-                if (ended.stands or {}).get(name) == before.after[name]]
-        was = ", ".join(f"{name} = {before.before[name]:g}" for name in back)
-        why = not_proven(before, ended.stands) if back and ended.stands is not None else ""
-        yield from wrap_text(f"what would be put back is not proven: {why}", "- ") if why else ()
-        again = f"heatertune rollback {settings.record} --apply --confirm {before.yes}{' --unproven' if why else ''}"
-        yield from wrap_text(f"to put back {was}: {again}" if back else "nothing to put back")
+        return
+    yield from wrap_text(f"{before.address.text}: {ended.message}")
+    own = unended is not None and Path(unended.record) == before.lines.path.absolute()
+    yield from _way_on(shlex.quote(str(settings.record)), before, ended, "to end the write" if own else "")
+
+
+def _way_on(record: str, before: Before, ended: WriteEnd, purpose: str) -> Iterator[str]:
+    """Yield what would be put back, and the command that does it; `purpose` of it where nothing is to be put back."""
+    from heatertune.live.write.rollback import not_proven, put_back_words
+
+    back, why = {}, ""
+    if ended.stands is not None and (back := put_back_words(before, ended.stands)):
+        purpose = "to put back " + ", ".join(f"{name} = {value:g}" for name, value in back.items())
+        why = not_proven(before, ended.stands)
+    if why:
+        yield from wrap_text(f"what would be put back is not proven: {why}", "- ")
+    if not back:
+        yield "nothing to put back"
+    if purpose:
+        yield f"{purpose}:"
+        yield (f"  heatertune rollback {record} --apply --confirm {before.yes}"  # not wrapped: it is typed
+               f"{' --unproven' if why else ''}")

@@ -314,8 +314,9 @@ def _begin(wanted: WriteRequest, plan: WritePlan, peer: Peer) -> dict[str, Any]:
     names = ("target", "words", "sample_time_s", "scaling", "setpoint_ramp", "boost")
     return {
         "schema": RECORD_SCHEMA, "version": __version__, "address": wanted.address.text,
-        "simulated": plan.look.status is not None, "directory": proven.directory, "target": proven.words.target,
-        "digest": proven.view.digest, "verdict": proven.view.verdict, "block": there.number, "begin": there.begin,
+        "simulated": plan.look.status is not None, "directory": str(Path(proven.directory).absolute()),
+        "target": proven.words.target, "digest": proven.view.digest, "verdict": proven.view.verdict,
+        "block": there.number, "begin": there.begin,
         "before": plan.look.content.hex(), "sha256": hashlib.sha256(plan.look.content).hexdigest(),
         "words_before": dict(plan.before), "words": dict(plan.after),
         "document": {name: proven.proof.get(name) for name in names},

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from datetime import datetime
@@ -26,8 +27,8 @@ from heatertune.proof.verdict import PROOF_SCHEMA
 from heatertune.proof.words_file import words_in, words_of
 
 __all__ = [
-    "Before", "became", "before_of", "inspect_write", "not_proven", "record_outcome", "rolled_back", "stands",
-    "written_in",
+    "Before", "became", "before_of", "inspect_write", "not_proven", "put_back_words", "record_outcome", "rolled_back",
+    "stands", "written_in",
 ]
 
 
@@ -45,6 +46,7 @@ class Before:
         interval_s: time between two scans [s].
         before, after: all words.
         parts: what was written, in its order.
+        doubtful: words that the device, or somebody else, stored in the place of what was sent, and their values.
         yes: what somebody types who has seen what is put back.
     """
 
@@ -55,6 +57,7 @@ class Before:
     before: Values
     after: Values
     parts: tuple[WritePart, ...]
+    doubtful: Values
     yes: str
 
 
@@ -72,6 +75,7 @@ def before_of(path: str | Path) -> Before:
         there = block_image(words, address, begin["known"])
         parts = tuple(WritePart(tuple(part["names"]), int(part["start"]), bytes.fromhex(part["before"]),
                            bytes.fromhex(part["after"])) for part in begin["parts"])
+        doubtful = _doubtful(lines)
         content = bytes.fromhex(begin["before"])
         after = {name: begin["words"][name] for name in there.block.words}
         if len(content) != there.count or any(name not in there.block.words for part in parts for name in part.names):
@@ -80,7 +84,13 @@ def before_of(path: str | Path) -> Before:
     except (KeyError, TypeError, ValueError, AttributeError) as problem:
         raise DocumentError(f"{path}, line 1: {problem}: no whole record of a write") from None
     return Before(lines=lines, address=address, image=there, interval_s=words.sample_time_s,
-                  before=there.values(content), after=after, parts=parts, yes=str(begin["sha256"])[:8])
+                  before=there.values(content), after=after, parts=parts, doubtful=doubtful,
+                  yes=str(begin["sha256"])[:8])
+
+
+def _doubtful(lines: Lines) -> dict[str, float]:
+    line = lines.last("in doubt")
+    return {} if line is None else {name: float(value) for name, value in line["words"].items()}
 
 
 def _check_bytes(begin: Mapping[str, Any], there: BlockImage, content: bytes, parts: tuple[WritePart, ...]) -> None:
@@ -102,15 +112,19 @@ def stands(before: Values, after: Values, values: Values, names: list[str]) -> t
         values: all words as they stand.
         names: of the words that were to change.
     """
-    as_before = [name for name in names if values[name] == before[name]]
-    written = [name for name in names if values[name] == after[name]]
-    others = [f"{name} is {values[name]:g}" for name in names if name not in (*as_before, *written)]
-    if len(as_before) == len(names):
-        return WriteOutcome.NOT_DONE, "the words stand there as before"
-    if len(written) == len(names):
-        return WriteOutcome.UNWATCHED, "the words stand there as written"
-    told = [f"{', '.join(which)} as {how}" for which, how in ((written, "written"), (as_before, "before")) if which]
-    return WriteOutcome.PARTLY, "; ".join([*told, *(["by somebody else: " + ", ".join(others)] if others else [])])
+    kinds: dict[str, list[str]] = {"written": [], "before": [], "other": [], "none": []}
+    for name in names:
+        value = values[name]
+        kind = ("before" if value == before[name] else "written" if value == after[name] else
+                "other" if math.isfinite(value) else "none")
+        kinds[kind].append(name if kind != "other" else f"{name} is {value:g}")
+    for kind, outcome in (("before", WriteOutcome.NOT_DONE), ("written", WriteOutcome.UNWATCHED)):
+        if len(kinds[kind]) == len(names):
+            return outcome, f"the words stand there as {kind}"
+    sentences = {"written": "{} as written", "before": "{} as before", "other": "by somebody else: {}",
+                 "none": "{}: no number is read"}
+    told = "; ".join(sentences[kind].format(", ".join(which)) for kind, which in kinds.items() if which)
+    return WriteOutcome.UNKNOWN if kinds["none"] else WriteOutcome.PARTLY, told
 
 
 def record_outcome(lines: Lines, look: BlockSnapshot) -> str:
@@ -158,7 +172,7 @@ def not_proven(before: Before, present_values: Values) -> str:
         before: what the record says.
         present_values: all words as they stand in the PLC.
     """
-    back = _put_back(before, present_values)
+    back = put_back_words(before, present_values)
     if not back:
         return ""
     there = before.image
@@ -174,17 +188,18 @@ def not_proven(before: Before, present_values: Values) -> str:
         return f"no heater to prove them on: {problem}"
 
 
-def _put_back(before: Before, values: Values) -> dict[str, Number]:
-    """Return the words that a rollback changes: those that stand there as they were written."""
+def put_back_words(before: Before, values: Values) -> dict[str, Number]:
+    """Return the words that a rollback changes: those that stand there as written, in doubt or no number."""
     return {name: before.before[name] for part in before.parts for name in part.names
-            if values[name] == before.after[name] != before.before[name]}
+            if (values[name] in (before.after[name], before.doubtful.get(name)) or not math.isfinite(values[name]))
+            and before.after[name] != before.before[name]}
 
 
 def rolled_back(
     before: Before, yes: str | None, link: LinkSettings | None = None, most_writes: int = MOST_WRITES, *,
     unproven: bool = False,
 ) -> WriteEnd:
-    """Put back what a write has changed; what somebody else has changed since stays.
+    """Put back what a write has changed, or may have; what somebody else has changed since stays.
 
     Args:
         before: what its record says.
@@ -217,7 +232,7 @@ def rolled_back(
         hold.open(replace(new_way_back("rollback", before.address, before.image.number, parts,
                                        before.lines.path.absolute()), sent_s=None if begun is None else begun.sent_s))
         writer = Writer(peer, hold, record, budget)
-        ended = writer.restore(before.parts, before.before, before.after, "restored as requested")
+        ended = writer.restore(before.parts, before.before, before.after, "restored as requested", before.doubtful)
         if ended.outcome in (WriteOutcome.ROLLED_BACK, WriteOutcome.NOT_DONE) and _is_before(before, ended):
             ended = WriteEnd(WriteOutcome.DONE, ended.message, ended.stands)
         ended = writer.end(ended)

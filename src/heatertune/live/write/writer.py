@@ -5,6 +5,7 @@ Nothing is written twice because an answer was lost: the PLC is asked what stand
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -95,8 +96,11 @@ class _Change:
     unsettled: set[str] = field(default_factory=set)
 
     def is_written(self, name: str, value: Number) -> bool:
-        """Return whether a word stands there as this change left it, whole or with some of its bytes only."""
-        return (value == self.after[name] or (name in self.stored and value == self.stored[name])
+        """Return whether a word stands there as this change left it, whole or with some of its bytes only.
+
+        What is no number is nobody's value: this change may be behind it.
+        """
+        return (not math.isfinite(value) or value in (self.after[name], self.stored.get(name))
                 or self.image.is_torn(name, value, self.before[name], self.after[name]))
 
     def left_of(self, names: Iterable[str], values: Values) -> list[str]:
@@ -108,13 +112,15 @@ class _Change:
         return left
 
     def settle(self, values: Values) -> dict[str, Number]:
-        """Return words that were put back and stand at a value of neither side: the device's own in its place, or not.
+        """Return words that were put back, or may still arrive, and stand at a value of neither side.
 
-        A word that stands as before is settled: what comes after is another's.
+        It is the device's own in the place of what was sent, or somebody else's. A word that was put back and stands as
+        before is settled: what comes after is another's.
         """
         self.unsettled.difference_update([name for name in self.unsettled if values[name] == self.before[name]])
         return {name: values[name] for name in self.names
-                if name in self.unsettled and not self.is_written(name, values[name])}
+                if (name in self.unsettled or (name in self.pending and values[name] != self.before[name]))
+                and not self.is_written(name, values[name])}
 
     @property
     def names(self) -> list[str]:
@@ -174,7 +180,10 @@ class Writer:
             self.peer.close()  # what is under way when somebody interrupts must not be taken for another's answer
             return self._safely(change, why) if sent else WriteEnd(WriteOutcome.NOT_DONE, f"nothing was sent: {why}")
 
-    def restore(self, parts: Sequence[WritePart], before: Values, after: Values, why: str) -> WriteEnd:
+    def restore(
+        self, parts: Sequence[WritePart], before: Values, after: Values, why: str,
+        device_values: Values | None = None,
+    ) -> WriteEnd:
         """Put back what a write has changed, the last first, and nothing that somebody else has changed since.
 
         Args:
@@ -182,8 +191,9 @@ class Writer:
             before: the words as they were.
             after: the words as they were written.
             why: it is done.
+            device_values: words that stand at another value than was written, and are put back, too.
         """
-        return self._safely(_Change(self._standing, parts, before, after), why)
+        return self._safely(_Change(self._standing, parts, before, after, dict(device_values or {})), why)
 
     def demand_new(self, before: BlockSnapshot, ended: WriteEnd) -> WriteEnd:
         """Return the end of a write that is not watched: not done where what was read back may be a gateway's copy.
@@ -257,16 +267,17 @@ class Writer:
             return self._nothing_more(change, ended) if change.pending else ended
         self._noted("waiting", told="a request may still arrive")
         try:
-            while left_s := self._hold.left_s:
-                self._progress(f"looking for {left_s:.0f} s more whether a request without an answer still arrives")
-                self._clock.sleep(min(_PAUSE_S, left_s))
-                if self._has_arrived(change, ended):
+            while True:
+                if left_s := self._hold.left_s:
+                    self._progress(f"looking for {left_s:.0f} s more whether a request without an answer still arrives")
+                    self._clock.sleep(min(_PAUSE_S, left_s))
+                found = self.peer.look().values
+                if self._has_arrived(change, ended, found):
                     return None
-            if self._has_arrived(change, ended):  # later than the last instant at which anything can
-                return None
+                if not left_s:  # the look was later than the last instant at which anything can arrive
+                    return self._nothing_more(change, replace(ended, stands=found))
         except KeyboardInterrupt:
             raise LinkDown("interrupted while a request without an answer may still arrive") from None
-        return self._nothing_more(change, ended)
 
     def _nothing_more(self, change: _Change, ended: WriteEnd) -> WriteEnd:
         if change.pending and not self.peer.moved:
@@ -274,13 +285,14 @@ class Writer:
                            "moved since: it may be a copy in a gateway")
         return replace(ended, message=f"{ended.message}; nothing more has arrived since")
 
-    def _has_arrived(self, change: _Change, ended: WriteEnd) -> bool:
+    def _has_arrived(self, change: _Change, ended: WriteEnd, values: Values) -> bool:
         """Return whether a word that was written stands there, or does no longer, since an end was found."""
-        found, stands = self.peer.look().values, ended.stands or {}
-        if all(found[name] == stands.get(name) or not (name in change.unsettled or change.is_written(name, found[name])
+        stands = ended.stands or {}
+        own = change.unsettled | change.pending
+        if all(values[name] == stands.get(name) or not (name in own or change.is_written(name, values[name])
                or change.is_written(name, stands[name])) for name in change.names):
             return False
-        self._noted("arrived late", stands=dict(found))
+        self._noted("arrived late", stands=dict(values))
         return True
 
     def _demand_left(self, part: WritePart) -> None:
@@ -383,14 +395,19 @@ class Writer:
                 break  # an earlier part would meet it out of turn
         look = self.peer.later(self.peer.look(), _SCANS)
         self._noted("read back", again=True, **look.to_document())
+        _demand_numbers(change.names, look.values)
         if left := [name for name in change.names if change.is_written(name, look.values[name])]:
             return WriteEnd(WriteOutcome.PARTLY,
                             f"{why}; {', '.join(left)} stand there as written and could not be taken "
                          f"back: {'; '.join(problems) or 'somebody has written them again'}", look.values)
         if changed := change.settle(look.values):
             told = ", ".join(f"{name} is {value:g}, not {change.before[name]:g}" for name, value in changed.items())
-            return WriteEnd(WriteOutcome.PARTLY, f"{why}; put back, but {told}: the device keeps it in place of what "
-                            "was sent, or somebody else has written it", look.values)
+            self._noted("in doubt", words=changed)
+            put_back = "put back, but " if change.tried else ""
+            return WriteEnd(WriteOutcome.PARTLY, f"{why}; {put_back}{told}: the device keeps it in place of what was "
+                            "sent, or somebody else has written it", look.values)
+        if change.stored:  # what stands there from now on is another's
+            self._noted("in doubt", words={})
         others = self._unlike(look.values, change.before)
         seen = f"; besides, somebody has changed the words: {others}" if others else ""
         if not change.pending:
@@ -430,6 +447,12 @@ class Writer:
         """Record a step of taking back, which is made even where it cannot be recorded."""
         with suppress(RecordBroken):
             self.record.write_line(step, **what)
+
+
+def _demand_numbers(names: Iterable[str], values: Values) -> None:
+    """Raise LinkDown where words that were put back are read as no number: whether they are back is not known."""
+    if blind := ", ".join(name for name in names if not math.isfinite(values[name])):
+        raise LinkDown(f"{blind}: put back, and read as no number")
 
 
 def _why(stopped: BaseException) -> str:

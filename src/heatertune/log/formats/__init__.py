@@ -9,8 +9,9 @@ from typing import Final
 from heatertune.log.formats.containers import CONTAINERS
 from heatertune.log.formats.device_logs import DEVICE_LOGS, PLANT_EXPORTS
 from heatertune.log.formats.printer_logs import PRINTER_LOGS
+from heatertune.log.formats.web_tables import WEB_TABLES
 
 __all__ = ["BINARY_FORMATS", "TEXT_FORMATS"]
 
 BINARY_FORMATS: Final = CONTAINERS
-TEXT_FORMATS: Final = (*PRINTER_LOGS, *DEVICE_LOGS, *PLANT_EXPORTS)
+TEXT_FORMATS: Final = (*PRINTER_LOGS, *DEVICE_LOGS, *PLANT_EXPORTS, *WEB_TABLES)

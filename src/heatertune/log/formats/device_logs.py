@@ -328,6 +328,30 @@ def _varies(records: Sequence[Mapping[str, str]], name: str) -> bool:
     return len({record.get(name, "") for record in records}) > 1
 
 
+#: {"time_s": [0, 2, …], "temp": [20.1, …]}
+_OF_LISTS: Final = re.compile(r'\s*\{\s*(?:"\w+"\s*:\s*\{\s*)?"[^"]+"\s*:\s*\[\s*(?:[-"\d]|null|true|false)')
+
+
+def _json_columns(path: Path, numbered: Sequence[Line], _: str | None) -> FormatTable:
+    """Return the lists of one length in an object, or in the first object within it, as columns."""
+    try:
+        value = json.loads("\n".join(line for _, line in numbered))
+    except (ValueError, RecursionError) as problem:
+        raise LogError("JSON that cannot be read", file=path, expected="a whole file of JSON") from problem
+    inner = [part for part in value.values() if isinstance(part, dict)]
+    columns = {name: part for name, part in {**value, **(inner or [{}])[0]}.items() if isinstance(part, list)}
+    length = max(map(len, columns.values()), default=0)
+    columns = {name: part for name, part in columns.items() if len(part) == length}
+    rows = [[_JSON_WORDS.get(str(cell), str(cell)) for cell in row] for row in zip(*columns.values(), strict=True)]
+    if not rows:
+        raise LogError("JSON without columns", file=path, expected="lists of time and temperature of one length")
+    return FormatTable(tuple(columns), rows, list(range(1, len(rows) + 1)), [f"JSON: {count(len(rows), 'row')} read."])
+
+
+def _has_lists(lines: Sequence[Line]) -> bool:
+    return bool(lines) and _OF_LISTS.match("\n".join(line[:200] for _, line in lines[:5])) is not None
+
+
 def _starts_as_json(lines: Sequence[Line]) -> bool:
     return bool(lines) and re.match(r"\s*(\[\s*$|\[?\s*\{)", lines[0][1]) is not None and any(
         re.search(r"\"\s*:", line) for _, line in lines[:50])
@@ -351,5 +375,6 @@ DEVICE_LOGS: Final = (
     TextFormat("line protocol of InfluxDB", matching(re.compile(rf"^{_POINT.pattern}$")), _line_protocol),
     TextFormat("CSV of Artisan", _is_artisan, _artisan_csv),
     TextFormat("profile of Artisan", _is_profile, _artisan_profile),
+    TextFormat("JSON of columns", _has_lists, _json_columns),
     TextFormat("JSON", _starts_as_json, _json),
 )

@@ -17,7 +17,7 @@ from heatertune.errors import LogError
 from heatertune.log.formats.format_table import FormatTable, Line, TextFormat, line_stamp, matching
 from heatertune.units import count
 
-__all__ = ["PRINTER_LOGS"]
+__all__ = ["PRINTER_LOGS", "heater_names"]
 
 
 #: begins a line of klippy.log: seconds of the host's clock
@@ -70,6 +70,14 @@ def _klippy(path: Path, numbered: Sequence[Line], tag: str | None) -> FormatTabl
         header, [reading.cells for reading in readings], [reading.line for reading in readings], repairs,
         tuple(part[0].line for part in parts) if len(parts) > 1 else (), best + 1 if len(parts) > 1 else None,
         part="" if tag else wanted)
+
+
+def heater_names(numbered: Sequence[Line]) -> list[str]:
+    """Return the heaters of a printer's log, by which `--tag` selects one; none of other lines."""
+    if matching(_STATS_WITH_HEATER)(numbered):
+        stats = (line for _, line in numbered if _STATS.match(line))
+        return [*dict.fromkeys(name for line in stats for name, *_ in _HEATER.findall(line))]
+    return [*_reports(numbered)[0]] if matching(_REPORT)(numbered) else []
 
 
 def _sessions(readings: Sequence[_StatsReading]) -> list[list[_StatsReading]]:

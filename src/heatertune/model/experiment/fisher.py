@@ -21,6 +21,7 @@ from scipy.signal import lfilter
 
 from heatertune.arrays import Array
 from heatertune.errors import InputError, OutOfRange
+from heatertune.model.circumstances import without_neighbours
 from heatertune.model.model_values import FittedModel, Fopdt, HeaterModel
 from heatertune.model.response import Schedule, peak_rise, rows_of, sensitivities
 from heatertune.units import check
@@ -253,7 +254,7 @@ def prior_of(fitted: FittedModel, *, ambient_degC: float | None, assumed_degC: f
         return replace(model, ambient_degC=assumed_degC if ambient is None else ambient)
 
     models: dict[str, HeaterModel] = {"working model": at_home(fitted.model)}
-    for candidate in fitted.candidates:
+    for candidate in without_neighbours(fitted).candidates:
         models.setdefault(candidate.label, at_home(candidate.model))
     for name in QUANTITIES[:3]:
         ci95 = fitted.ci95.get(name)

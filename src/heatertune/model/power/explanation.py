@@ -27,7 +27,7 @@ from heatertune.model.outliers import replace_outliers, without_outliers
 from heatertune.model.power.changed_heater import refuse_changed
 from heatertune.model.power.feedback import WRONG_SIGN, demand_cause, explains, follows_temperature, is_feedback
 from heatertune.model.power.load_steps import bic_of, is_sensible, refit_all, with_events, without_events
-from heatertune.model.power.loss_fit import LossFit
+from heatertune.model.power.loss_fit import LossFit, leaves_noise
 from heatertune.model.power.nonlinear import Bend, judged_linear
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
 from heatertune.model.power.regressors import Readings
@@ -466,6 +466,11 @@ class Explanation:
         """Answer of one lag at every reading of the log, shape (n,)."""
         return self.at_readings(self.problems[0], self.fits[0])
 
+    @property
+    def best_simulated_degC(self) -> Array:
+        """Answer of the best heater at the readings that were fitted, shape (n,)."""
+        return self.extended[0].simulations_degC[0] if self.extended else self.fits[0].simulated_degC
+
     def at_readings(self, problem: PowerProblem, fit: PowerFit) -> Array:
         """Return the simulation of every reading of the log, shape (n,) [°C]."""
         return fit.linear @ replace(problem, readings=self.readings).basis(fit.vector)
@@ -514,6 +519,8 @@ def _search(log: Log, problem: PowerProblem, *, believed: bool) -> Explanation:
     if doubt:
         refuse_changed(log, thin)
     (problems, fits), bend, untold, extended = judged_linear(without_events(way), way)
+    if any(leaves_noise(fit.problems[0].readings, fit.simulations_degC[0]) for fit in extended):
+        doubt = ""  # it was that of a heater with one lag
     if any(fit.model is None for fit in fits):
         refuse_opened(log, thin)
         refuse_changed(log, thin)

@@ -27,6 +27,7 @@ from heatertune.errors import InputError
 from heatertune.log.log_values import Log
 from heatertune.model.diagnostics import Remark
 from heatertune.model.model_values import InputCorrelation
+from heatertune.model.outliers import interruption_note
 from heatertune.model.power.load_steps import bic_of, with_loads
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
 from heatertune.model.power.regressors import AMBIENT, GAIN, Readings
@@ -306,7 +307,9 @@ def _refuse_sign(log: Log, problem: PowerProblem, fit: PowerFit) -> NoReturn:
             f"{fault}: this is the controller seen backwards, which moves the power as the temperature falls, and no "
             "heater; log a step of the setpoint or an open-loop step of the power"
         )
-    raise InputError(f"{fault}: a cooler, or the sensor of another zone; for a cooler say --cooler")
+    full = None if log.taken is None else log.taken.reading.get("power_full_scale")
+    turned = "" if full is None else f" for a signal that is off at {full:g} say --power-levels {full:g} 0,"
+    raise InputError(f"{fault}: a cooler, or the sensor of another zone;{turned} for a cooler say --cooler")
 
 
 def _demand_order(log: Log, problem: PowerProblem, fit: PowerFit, moving: float) -> str:
@@ -438,7 +441,7 @@ def loop_remarks(log: Log) -> tuple[Remark, ...]:
                  "dither to the power, and log again.")
     else:
         text += f" {change} moves it, so a direct fit is in order; what the fit calls noise still biases it."
-    return (Remark("closed-loop", text),)
+    return (Remark("closed-loop", text + interruption_note(log)),)
 
 
 def feedback_notes(log: Log) -> tuple[str, ...]:

@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.arrays import Array
+from heatertune.errors import InputError
 from heatertune.model.diagnostics import Remark, fast_remarks, findings_of, poor_remarks
 from heatertune.model.least_squares import Minima, ResidualFunction, minimise
 from heatertune.model.model_values import Candidate, FittedModel, Fopdt, OneLog, Residuals
@@ -40,6 +41,7 @@ from heatertune.model.power.load_steps import bic_of
 from heatertune.model.power.nonlinear import bend_remarks
 from heatertune.model.power.open_loop import FixedUnknowns, PowerFit, PowerProblem, parameters_on_bounds
 from heatertune.model.power.regressors import AMBIENT, DRIFT, GAIN
+from heatertune.model.power.two_scales_fit import TwoScaleFit, fit_two_scales
 from heatertune.model.power.uncertainty import (
     LEAST_FREEDOM,
     READINGS,
@@ -62,13 +64,14 @@ from heatertune.model.statistics import (
     hull,
     identified_parts,
     interval,
+    long_run_noise,
     student_t,
 )
 from heatertune.units import NOMENCLATURE
 
 __all__ = [
     "DEAD", "FIRST_AMBIENT", "LAG", "POWER", "Disagreement", "JointFit", "JointProblem", "agreement_remarks",
-    "disagreements", "fit_logs", "joint_held_at", "joint_intervals",
+    "disagreements", "fit_logs", "joint_held_at", "joint_intervals", "two_scales_of_logs",
 ]
 
 
@@ -78,8 +81,6 @@ POWER, LAG, DEAD, SECOND, FIRST_AMBIENT = 0, 1, 2, 3, 4
 
 _FAR_AMBIENT = 10.0  # spans of the first log, about its best ambient
 _FAR = 1e3  # times the largest gain of a log alone, and its inverse of the least, the search goes no further
-_MOST_CORRELATION = 0.99
-_LEAST_NOISE = 1e-6  # of the span: a log made without noise does not outweigh all others without limit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -120,7 +121,8 @@ class JointProblem:
         low = np.min([part.low for part in parts], axis=0)
         high = np.max([part.high for part in parts], axis=0)
         return cls(
-            parts=tuple(parts), weights=np.array([1.0 / _noise(p, f) for p, f in zip(parts, fits, strict=True)]),
+            parts=tuple(parts), weights=np.array([1.0 / long_run_noise(p.readings.temperature_degC, f.simulated_degC)
+                                                 for p, f in zip(parts, fits, strict=True)]),
             low=np.array([min(gains) - math.log(_FAR), *low]), high=np.array([max(gains) + math.log(_FAR), *high]),
         )
 
@@ -209,14 +211,6 @@ class JointProblem:
             for part, part_fit in zip(self.parts, fit.parts, strict=True)
         )
         return own + shared * math.log(len(self.records))
-
-
-def _noise(part: PowerProblem, fit: PowerFit) -> float:
-    """Return the deviation that white noise of the same size in the long run would have [°C]."""
-    record = part.readings.temperature_degC
-    left = record - fit.simulated_degC
-    rho = float(np.clip(autocorrelation(left, 1)[0], 0.0, _MOST_CORRELATION))
-    return max(float(np.std(left)) * math.sqrt((1.0 + rho) / (1.0 - rho)), _LEAST_NOISE * float(np.ptp(record)))
 
 
 _RESAMPLES = 200
@@ -511,6 +505,29 @@ def fit_logs(logs: Sequence[Explanation], *, open_start: bool, seed: int, least_
         ),
         logs=tuple(alone),
     )
+
+
+def two_scales_of_logs(logs: Sequence[Explanation]) -> list[TwoScaleFit]:
+    """Return the heater of two time scales that explains all logs, in a list; empty where no log asks for it.
+
+    Raises:
+        InputError: one log asks for two time scales, and no such heater explains all.
+    """
+    asking = [log.log.name for log in logs if log.extended and isinstance(log.extended[0], TwoScaleFit)]
+    if not asking:
+        return []
+    problems = [replace(log.problems[0], drift=False, loads_s=()) for log in logs]
+    noise = [long_run_noise(log.problems[0].readings.temperature_degC, log.best_simulated_degC) for log in logs]
+    found = fit_two_scales(problems, min(_bic_together(logs, order) for order in (0, 1)), noise)
+    if not found:
+        raise InputError(f"{asking[0]} shows two time scales (a fast element on a slow mass), but no such heater "
+                         f"explains all {len(logs)} logs: fit {' or '.join(asking)} alone")
+    return found
+
+
+def _bic_together(logs: Sequence[Explanation], order: int) -> float:
+    joint = _joint([log.problems[order] for log in logs], [log.fits[order] for log in logs], _LAW)
+    return joint.problem.bic(joint.fit)
 
 
 def _joint(problems: Sequence[PowerProblem], fits: Sequence[PowerFit], law: str, sentence: str = "") -> _Joint:

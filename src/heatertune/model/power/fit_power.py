@@ -53,6 +53,7 @@ from heatertune.model.power.fit_checks import (
     sides,
 )
 from heatertune.model.power.load_steps import bic_of, edges_of
+from heatertune.model.power.loss_fit import LossFit
 from heatertune.model.power.nonlinear import Bend, bend_remarks
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
 from heatertune.model.power.regressors import COLUMNS, DRIFT, GAIN
@@ -85,6 +86,7 @@ _AGAINST: Final = 4.0 / 3.0  # of the span: beyond that, power and loads cancel
 _CANCELLED: Final = 3.0  # of the span: beyond that, power and initial states cancel
 _OFTEN: Final = 0.75  # of the log, within a time constant of a step
 _POWER_SHARE_NEAR: Final = 10.0  # BIC points within which a fit explains the log nearly as well as the best
+_ROWS_NEAR: Final = 2.0  # by which the power may be logged late
 _SMALL: Final = 0.15  # of the span: loads that move it by less hide little
 
 
@@ -165,6 +167,8 @@ def _reason(moved: Contributions, problem: PowerProblem, fit: PowerFit) -> str:
     if moved.loads > _SMALL * whole and _loads_oppose(problem, fit):
         return (f"each load begins within a time constant of a step of the power and acts against it "
                 f"({'; '.join(events)}).")
+    if moved.loads > _SMALL * whole and _loads_join(problem, fit):
+        return f"a load begins with each step of the power ({'; '.join(events)}): which of the two acted is not known."
     return ""
 
 
@@ -187,6 +191,13 @@ def _loads_oppose(problem: PowerProblem, fit: PowerFit) -> bool:
         return False
     return all(np.any((instant >= edges) & (instant <= edges + reach) & (steps * size * fit.linear[GAIN] < 0.0))
                for instant, size in zip(problem.loads_s, fit.linear[COLUMNS:], strict=False))
+
+
+def _loads_join(problem: PowerProblem, fit: PowerFit) -> bool:
+    """Return whether a load begins near every large step of the power: it may be a part of that step."""
+    edges, _ = edges_of(problem)
+    reach = _ROWS_NEAR * float(np.median(np.diff(problem.readings.time_s))) + float(fit.vector[1])
+    return len(edges) > 0 and all(any(abs(load_s - edge_s) < reach for load_s in problem.loads_s) for edge_s in edges)
 
 
 def _covered(edges: Array, reach: float, time: Array) -> float:
@@ -543,38 +554,40 @@ def fit_power(explanation: Explanation, weight: WeighedFit, *, least_dead_time_s
     )
 
 
-def fit_extended(explanation: Explanation) -> FittedModel:
-    """Return the heater with a loss curve, or of two time scales, that explains a log, and the other plausible ones.
+def fit_extended(logs: Sequence[Explanation], extended: Sequence[LossFit | TwoScaleFit]) -> FittedModel:
+    """Return the heater with a loss curve, or of two time scales, that explains logs, and the other plausible ones.
 
     Args:
-        explanation: of the log, with such heaters.
+        logs: explanation of each.
+        extended: such heaters, the best first.
     """
-    log, record = explanation.log, explanation.extended[0].problem.readings.temperature_degC
-    best = explanation.extended[0]
-    candidates = tuple(
-        Candidate(
-            model=end.model, log=log.name, window_s=(float(log.time_s[0]), float(log.time_s[-1])), law=fit.law,
-            fit_pct=fit_pct(record, fit.simulated_degC),
-            rmse_degC=float(np.sqrt(np.mean((record - fit.simulated_degC) ** 2))), delta_bic=fit.bic - best.bic,
-            part=end.part)
-        for fit in explanation.extended for end in fit.heaters)
-    least_s = math.exp(best.problem.low[0])
-    shared = [fit for fit in explanation.extended if isinstance(fit, TwoScaleFit) and fit.is_mostly_shared]
-    checks = [*alias_remarks(explanation.alias), *fast_remarks(least_s, best.model.lags_s[0], log.name),
-              *(Remark("shared-mass", (
-                  f"{log.name}: {100.0 * (1.0 - fit.own_share):.0f} % of the rise come through a slow mass; if other "
-                  "heaters heat it too, loops that pass one by one may swing together.")) for fit in shared)]
-    simulated = np.interp(log.time_s, best.problem.readings.time_s, best.simulated_degC)
+    best, names = extended[0], [each.log.name for each in logs]
+    records = [problem.readings.temperature_degC for problem in best.problems]
+    record, log = np.concatenate(records), logs[0].log
+    window_s = (min(float(each.log.time_s[0]) for each in logs), max(float(each.log.time_s[-1]) for each in logs))
+    candidates: list[Candidate] = []
+    for fit in extended:
+        made = np.concatenate(fit.simulations_degC)
+        fits_pct = [fit_pct(*pair) for pair in zip(records, fit.simulations_degC, strict=True)]
+        candidates += (Candidate(
+            model=end.model, log=" + ".join(names), window_s=window_s, law=fit.law,
+            fit_pct=fits_pct[0] if len(logs) == 1 else fit_pct(record, made),
+            rmse_degC=float(np.sqrt(np.mean((record - made) ** 2))), delta_bic=fit.bic - best.bic, part=end.part,
+            fits_pct=dict(zip(names, fits_pct, strict=True)) if len(logs) > 1 else {}) for end in fit.heaters)
+    least_s = math.exp(min(problem.low[0] for problem in best.problems))
+    checks = [*(remark for each in logs for remark in alias_remarks(each.alias)),
+              *fast_remarks(least_s, best.model.lags_s[0], " and ".join(names))]
+    simulated = np.interp(log.time_s, best.problems[0].readings.time_s, best.simulations_degC[0])
     return FittedModel(
         outcome=FitOutcome.IDENTIFIED,
         method=f"{best.method}; intervals: normal equations with the autocorrelation of the residuals",
-        candidates=candidates, fit_pct=candidates[0].fit_pct,
-        notes=(*explanation.notes, *(fit.sentence for fit in explanation.extended),
+        candidates=tuple(candidates), fit_pct=candidates[0].fit_pct,
+        notes=(*(note for each in logs for note in each.notes), *(fit.sentence for fit in extended),
                *(remark.sentence for remark in checks)),
         findings=findings_of(checks),
         residuals=Residuals(
             time_s=log.time_s, measured_degC=log.temperature_degC, simulated_degC=simulated,
-            autocorrelation=autocorrelation(record - best.simulated_degC)),
+            autocorrelation=autocorrelation(records[0] - best.simulations_degC[0])),
         **working_values(candidates))
 
 

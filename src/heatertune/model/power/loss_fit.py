@@ -101,6 +101,16 @@ class LossFit:
     method = "simulation with the logged power and a loss curve"
 
     @property
+    def problems(self) -> tuple[PowerProblem, ...]:
+        """The problem of its one log."""
+        return (self.problem,)
+
+    @property
+    def simulations_degC(self) -> tuple[Array, ...]:
+        """The simulation of its one log, shape (n,)."""
+        return (self.simulated_degC,)
+
+    @property
     def model(self) -> HeaterModel:
         """The heater."""
         return self.heaters[0].model
@@ -359,8 +369,11 @@ def _covariance(solution: _Solution) -> Array | None:
     moved = np.tile(z, (2 * len(free), 1))
     moved[np.arange(len(free)), free] += steps
     moved[len(free) + np.arange(len(free)), free] -= steps
+    shapes = np.clip(moved[:, _SHAPE], low[_SHAPE], high[_SHAPE])  # there is no share below 0
+    spans = 2.0 * steps - np.abs(moved[:, _SHAPE] - shapes).reshape(2, -1).sum(axis=0)
+    moved[:, _SHAPE] = shapes
     answers = _answers(solution.problem, moved, solution.family)
-    slopes = (answers[:len(free)] - answers[len(free):]) / (2.0 * steps[:, None])
+    slopes = (answers[:len(free)] - answers[len(free):]) / spans[:, None]
     left = readings.temperature_degC - solution.simulated_degC
     rho = float(np.clip(left[1:] @ left[:-1] / max(float(left @ left), 1e-300), 0.0, 0.98))
     variance = float(left @ left) / max(len(left) - len(free), 1) * (1.0 + rho) / (1.0 - rho)

@@ -361,7 +361,7 @@ def judged_linear(plain: Way, eventful: Way) -> LinearityResult:
     bend, way = min(tried, key=lambda pair: pair[0].bic, default=(None, eventful))
     others = [eventful.bic, *(each.bic for each, _ in tried)]
     found: list[LossFit | TwoScaleFit] = [*fit_loss_curves(plain.problems, plain.fits, min(others))]
-    extended = tuple(found or fit_two_scales(plain.problems[0], min(others)))
+    extended = tuple(found or fit_two_scales(plain.problems[:1], min(others)))
     if bend is None or not _is_better(bend, eventful):
         return LinearityResult(eventful, None, _untold(eventful), extended)
     return LinearityResult(way, bend, (), extended)

@@ -84,8 +84,10 @@ OWN = ("ambient_degC", "start_degC", "inner_start_degC", "setpoint_degC", "setpo
 CONSTANTS = 4
 
 
-def simulate_many(law: ControllerLaw, z: Array, own: int, h: float, readings: Whole, out: Array, at: int) -> None:
+def simulate_many(law: ControllerLaw, z: Array, own: int, h: float, readings: Whole, out: Array, at: int) -> Array:
     """Write the temperature of n loops at the readings into the columns of out (n, m) from `at` on [°C].
+
+    Returns the power of the last of them, scan by scan [%].
 
     Args:
         law: of the controller.
@@ -98,8 +100,10 @@ def simulate_many(law: ControllerLaw, z: Array, own: int, h: float, readings: Wh
     """
     run = compile_function(bound(_simulate_many, law_step=law.step))
     logarithmic = np.array([float(constant.logarithmic) for constant in law.constants])
+    power = np.empty(int(readings[-1]) + 1)
     run(law.form, np.ascontiguousarray(z), own, logarithmic, float(h), readings, np.empty(4), np.zeros(CONSTANTS),
-        np.empty(int(readings[-1]) + 1), out, at)
+        power, out, at)
+    return power
 
 
 def _simulate_many(  # noqa: PLR0913 - compiled for the types of each
@@ -209,8 +213,8 @@ class LogSegment:
         """Return the number of readings in the first part of the log."""
         return max(1, round(share * len(self.readings)))
 
-    def simulate(self, z: Array, own: int, out: Array, at: int, rows: int) -> None:
-        """Write the temperature at the log's first instants, for vectors of shape (n, p).
+    def simulate(self, z: Array, own: int, out: Array, at: int, rows: int) -> Array:
+        """Write the temperature at the log's first instants, for vectors of shape (n, p), as `simulate_many`.
 
         Args:
             z: the vectors.
@@ -219,7 +223,7 @@ class LogSegment:
             at: its column of the segment's first reading.
             rows: how many readings.
         """
-        simulate_many(self.law, z, own, self.interval_s, self.readings[:rows], out, at)
+        return simulate_many(self.law, z, own, self.interval_s, self.readings[:rows], out, at)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -228,10 +232,19 @@ class Hypothesis:
 
     The vector holds ln gain, ln time constant, lag ratio, dead time, then each segment's own unknowns. Shapes of the
     arrays: a vector and its bounds (p,), vectors (n, p), readings (m,), segment after segment.
+
+    A temperature does not show the unit of the power: twice the gain with half the power gives the same curve. So the
+    power of the laws, 0…100 %, is in a unit of its own unless the largest power in the logs is stated.
+
+    Attributes:
+        segments: one for each log.
+        two_lags: whether the heater has two lags.
+        largest_power_pct: largest power in the logs [%]; None: that of the laws is taken as it is.
     """
 
     segments: tuple[LogSegment, ...]
     two_lags: bool
+    largest_power_pct: float | None = None
     names: tuple[str, ...] = field(init=False)
     low: Array = field(init=False)
     high: Array = field(init=False)
@@ -283,8 +296,7 @@ class Hypothesis:
 
     def without_events(self) -> Hypothesis:
         """Return the hypothesis with setpoints that stay."""
-        still = tuple(replace(segment, event=False) for segment in self.segments)
-        return Hypothesis(segments=still, two_lags=self.two_lags)
+        return self._with(tuple(replace(segment, event=False) for segment in self.segments))
 
     def starts(self, rng: np.random.Generator, n: int) -> Array:
         """Return n random vectors within the bounds, shape (n, p)."""
@@ -298,7 +310,7 @@ class Hypothesis:
             rows = max(MIN_SAMPLES, int(share * len(time)))
             end = float(time[min(rows, len(time)) - 1])
             parts.append(replace(segment, log=segment.log.window(float(time[0]), end), event=False))
-        return Hypothesis(segments=tuple(parts), two_lags=self.two_lags)
+        return self._with(tuple(parts))
 
     def adopt(self, z: Array, rng: np.random.Generator, n: int) -> Array:
         """Return vectors (k, p) of the hypothesis without events, each with n random instants for them: (n·k, p)."""
@@ -354,7 +366,7 @@ class Hypothesis:
 
     def plant(self, z: Array, segment: int = 0) -> HeaterModel:
         """Return the heater of one vector (p,), with the ambient of a segment."""
-        gain, lag = map(math.exp, z[:2])
+        gain, lag = self._power_unit(z) * math.exp(z[0]), math.exp(z[1])
         ambient = float(z[self._offsets()[segment]])
         dead = float(z[3])
         if not self.two_lags:
@@ -371,9 +383,11 @@ class Hypothesis:
         if self.segments[segment].event:
             event_s = float(z[first + 5]) + float(self.segments[segment].log.time_s[0])
             fitted |= {"setpoint_step_degC": float(z[first + 4]), "setpoint_step_at_s": event_s}
+        unit = self._power_unit(z)
         for i, constant in enumerate(law.constants):
             value = float(z[first + 6 + i])
-            fitted[constant.name] = math.exp(value) if constant.logarithmic else value
+            value = math.exp(value) if constant.logarithmic else value
+            fitted[constant.name] = value / unit if "_pct" in constant.name else value
         return fitted
 
     def on_bound(self, z: Array) -> tuple[str, ...]:
@@ -396,6 +410,17 @@ class Hypothesis:
             if is_free and ((low and "low" in sides) or (high and "high" in sides)):
                 reached[name] = "low" if low else "high"
         return reached
+
+    def _with(self, segments: tuple[LogSegment, ...]) -> Hypothesis:
+        return Hypothesis(segments=segments, two_lags=self.two_lags, largest_power_pct=self.largest_power_pct)
+
+    def _power_unit(self, z: Array) -> float:
+        """Return by how much a percent of the laws' power, for a vector (p,), exceeds one of the heater's."""
+        if self.largest_power_pct is None:
+            return 1.0
+        powers = [s.simulate(z[None, :], first, np.empty((1, len(s.readings))), 0, len(s.readings)).max()
+                  for s, first in zip(self.segments, self._offsets(), strict=True)]
+        return max(powers) / self.largest_power_pct or 1.0
 
     def _width(self, segment: LogSegment) -> int:
         return 6 + len(segment.law.constants)

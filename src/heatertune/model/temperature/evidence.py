@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import lru_cache
+from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -22,6 +23,7 @@ from heatertune.arrays import Array
 from heatertune.log.log_values import Log
 from heatertune.model.diagnostics import Remark
 from heatertune.model.model_values import HeaterModel
+from heatertune.model.outliers import SWITCHED_OFF
 from heatertune.model.power.open_loop import PowerProblem
 from heatertune.model.power.regressors import Readings
 from heatertune.model.temperature.closed_loop import Bounds
@@ -278,7 +280,6 @@ _TURNS: Final = 6  # fewest turning points of a steady swing: two and a half per
 _EVEN: Final = 0.3  # most standard deviation of its swings, and of its periods, as a share of their mean
 _STEADY: Final = 0.75  # least ratio of the later half's swing to the earlier half's
 _DEEP: Final = 0.6  # of the span: no overshoot of a usable loop is followed by a deeper fall
-_SWITCHED_OFF: Final = 0.35  # of the span: nor by such a fall without a rise after it
 _HELD_BAND: Final = 0.03  # of the span: the readings of a hold lie within
 _HELD_LEVEL: Final = 0.4  # of the span: a hold lies above
 _HELD_SHARE: Final = 0.2  # of the log's length: a hold lasts as long at least
@@ -318,8 +319,30 @@ def regulation_remarks(log: Log, rmse_degC: float) -> Iterator[Remark]:
     elif is_open_loop(log, rmse_degC):
         yield Remark("not-regulated", (
             f"{log.name} looks like a heat-up in open loop: no controller holds its temperature, and constant power "
-            "explains it as well as a controller does. The parameters are not those of the heater."
+            "explains it as well as a controller does. The parameters are not those of the heater." + _restart_note(log)
         ))
+
+
+def _restart_note(log: Log) -> str:
+    """Return what to do about the deepest fall in a log without power, if a temperature was held before it.
+
+    A part after the fall does not begin at the temperature of the room, so it is no way out.
+    """
+    size = _size(log)
+    time, y = _smoothed(log, size)
+    least, span = _least_move(log, y, size), float(np.ptp(y))
+    falls = [(int(high), int(low)) for high, low in pairwise(_turning_points(y, least))
+             if y[high] - y[low] > SWITCHED_OFF * span]
+    if not falls:
+        return ""
+    high, low = max(falls, key=lambda fall: float(y[fall[0]] - y[fall[1]]))  # an overshoot's fall is not as deep
+    # the knee before the fall: where the curve is farthest above the chord
+    last = high + int(np.argmax(y[high:low + 1] - np.linspace(y[high], y[low], low + 1 - high)))
+    if not _is_held(time[:last + 1], y[:last + 1], max(_HELD_BAND * span, least)):
+        return ""
+    at = float(log.time_s[min(last * size, len(log.time_s) - 1)])
+    return (f" But a temperature was held until {at:.10g} s, and then it falls far: the controller was reset or "
+            f"switched off. --until {at:.10g} leaves the part before that.")
 
 
 def steady_swing(log: Log) -> OscillationStats | None:
@@ -422,7 +445,7 @@ def is_open_loop(log: Log, rmse_degC: float) -> bool:
     turns = y[_turning_points(y, least)]
     moves, span = np.diff(turns[int(np.argmax(turns)):]), float(np.ptp(y))
     deepest = float(-np.diff(turns).min(initial=0.0))
-    ends_off = len(moves) > 0 and float(-moves[-1]) > _SWITCHED_OFF * span
+    ends_off = len(moves) > 0 and float(-moves[-1]) > SWITCHED_OFF * span
     if deepest > _DEEP * span or ends_off:
         return True
     if len(moves) <= 1 and not _is_held(time, y, max(_HELD_BAND * span, least)):

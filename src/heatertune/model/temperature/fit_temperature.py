@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -44,7 +44,8 @@ from heatertune.units import NOMENCLATURE
 
 __all__ = [
     "EARLY", "Fit", "ambient_note", "event_notes", "fit_all", "fit_temperature", "foretelling_remarks", "foretells",
-    "joint_note", "limit_remarks", "lost_notes", "pool_candidates", "residuals_of", "share_remarks", "validation_notes",
+    "joint_note", "limit_remarks", "lost_notes", "residuals_of", "room_bounds",
+    "share_remarks", "validation_notes",
 ]
 
 _FOLDS, _BLOCKS = 5, 20  # each fold leaves out every fifth of twenty blocks: longer than the residuals remember
@@ -333,24 +334,20 @@ def joint_note(best: Fit, ranked: Sequence[Fit], alone: Sequence[Sequence[Fit]])
     )
 
 
-def pool_candidates(fitted: FittedModel, others: Sequence[FittedModel]) -> FittedModel:
-    """Return the fit with the candidates of other logs of the same heater added."""
-    added = tuple(candidate for other in others for candidate in other.candidates)
-    if not added:
-        return fitted
-    logs = ", ".join(dict.fromkeys(candidate.log for candidate in added))
-    note = f"Candidates of {logs}, a log of the same heater, were added: a design has to serve them too."
-    ranges = [each.logged_range_degC for each in (fitted, *others)]
-    known = [limits for limits in ranges if limits is not None]
-    whole = (min(low for low, _ in known), max(high for _, high in known)) if known else None
-    return replace(fitted, candidates=fitted.candidates + added, notes=(*fitted.notes, note), logged_range_degC=whole)
-
-
 _NO_POWER = Remark("no-power", (
-    "Neither power nor setpoint was logged: the controller's law is a hypothesis, and setpoint and bias show only as "
-    "their sum."
+    "Neither power nor setpoint was logged: the controller's law is a hypothesis, setpoint and bias show only as their "
+    "sum, and the controller's largest output is taken as the heater's full power."
 ))
 
+_NO_POWER_BUT_SETPOINT = Remark("no-power", (
+    "The power was not logged, and the fit does not use the logged setpoint: the controller's law is a hypothesis, "
+    "setpoint and bias show only as their sum, and the controller's largest output is taken as the heater's full power."
+))
+
+#: measures in the unit of the power
+_OF_GAIN: Final = ("gain_degC_per_pct", "gain_per_time_constant_degC_per_s_pct")
+_OPTIMA = 24  # starts of each hypothesis
+_AS_CLOSE = 1.5  # times the smallest error
 _NEAR = 10.0  # BIC points within which a model explains the log nearly as well
 _FOPDT_NEAR = 3.0  # fit [%] within which the best single lag stays a candidate
 _POOR = 60.0
@@ -362,12 +359,13 @@ _AMBIENT_BELOW, _AMBIENT_ABOVE = 8.0, 6.0  # °C around the first reading: a log
 
 def fit_temperature(
     logs: Sequence[Log], laws: Sequence[ControllerLaw], *, ambient_degC: Bounds | None, seed: int,
-    thorough: bool = False,
+    thorough: bool = False, largest_power_pct: float | None = None,
 ) -> FittedModel:
     """Return the half-rule FOPDT of the best-fitting hypothesis and every hypothesis that explains the logs as well.
 
     Hypotheses: each law, one lag and two, with and without one setpoint step. They are ranked by BIC with AR(1) errors
     on identical rows; those within 10 points stay, and the best single lag if its fit is within 3 % of the best.
+    Before a time constant or dead time is called identified, the rivals of `_optima` are added.
     Several logs are of one heater: one plant, each log with its own law, setpoint, ambient and initial state; the laws
     tried together are those that explain a log alone.
 
@@ -377,32 +375,38 @@ def fit_temperature(
         ambient_degC: bounds of the ambient temperature [°C]; equal if it is known, None: near the first reading.
         seed: of the random starts and the bootstrap.
         thorough: fit every hypothesis of a single log completely, even if it is far behind.
+        largest_power_pct: largest power that the heater got in the logs [%]; None: not stated.
     """
     used, notes = _thinned(logs)
-    sought = [_sought(log) if ambient_degC is None else ambient_degC for log in used]
-    thorough = thorough and len(used) == 1
-    alone = [fit_all(_single(log, laws, bounds), seed=seed, thorough=thorough)
-             for log, bounds in zip(used, sought, strict=True)]
-    ranked = alone[0] if len(used) == 1 else fit_all(_joint(alone), seed=seed)
+    sought = [room_bounds(log) if ambient_degC is None else ambient_degC for log in used]
+    singles = [_single(log, laws, bounds, largest_power_pct) for log, bounds in zip(used, sought, strict=True)]
+    alone = [fit_all(hypotheses, seed=seed, thorough=thorough and len(used) == 1) for hypotheses in singles]
+    ranked = alone[0] if len(used) == 1 else fit_all(_joint(alone, largest_power_pct), seed=seed)
     kept = _kept(ranked)
-    best = max(kept, key=lambda fit: fit.fit_pct)
-    ranges = _ranges(best, kept, seed, ambient_degC)
-    law = list(_law_remarks(best, logs))
-    against = list(_contradictions(best, kept))
+    ranges = _ranges(_best(kept), kept, seed, ambient_degC)
+    claimed = _intervals(_best(kept), kept, ranges, ambient_degC)
+    if (claimed["time_constant_s"] or claimed["dead_time_s"]) and any(log.output_limit_pct is None for log in used):
+        ranked = ranked if thorough or len(used) > 1 else fit_all(singles[0], seed=seed, thorough=True)
+        optima = _optima(ranked, seed)
+        ranked = sorted([*ranked, *optima], key=lambda fit: fit.bic)
+        kept = _with_rivals(ranked, optima)
+        ranges = _ranges(_best(kept), [*kept, *optima], seed, ambient_degC)
+    best = _best(kept)
+    law, against = list(_law_remarks(best, logs)), list(_contradictions(best, kept))
+    power = [] if law else list(_power_remarks(used, ranges, largest_power_pct))
     ci95 = dict.fromkeys(FIELDS) if law or against else _intervals(best, kept, ranges, ambient_degC)
     plant = best.hypothesis.plant(best.vector)
     values = {name: measure(plant) for name, measure in COMBINATIONS.items()}
-    if len(used) > 1:
-        notes += (joint_note(best, ranked, alone),)
+    notes += (joint_note(best, ranked, alone),) if len(used) > 1 else ()
     near = [best, *(fit for fit in kept if fit.bic - ranked[0].bic <= _NEAR and fit is not best)]
-    doubts = [*law, *against, *limit_remarks(kept), *foretelling_remarks(best), *share_remarks(near)]
-    first, (simulated, *_) = used[0], best.hypothesis.parts(best.simulated_degC)
+    doubts = [*law, *against, *power, *limit_remarks(kept), *foretelling_remarks(best), *share_remarks(near)]
+    first, simulated = used[0], best.hypothesis.parts(best.simulated_degC)[0]
     outcome = FitOutcome.LAW_UNKNOWN if law else _outcome(best.fit_pct, ci95)
     names = " and ".join(log.name for log in used)
     return FittedModel(
         model=plant.half_rule(),
         outcome=outcome,
-        findings=findings_of([_NO_POWER, *poor_remarks(outcome, best.fit_pct, names), *doubts]),
+        findings=findings_of([_no_power(used), *poor_remarks(outcome, best.fit_pct, names), *doubts]),
         method=_method(best),
         ci95=ci95,
         combinations={} if law else {
@@ -418,19 +422,23 @@ def fit_temperature(
     )
 
 
-def _sought(log: Log) -> Bounds:
+def room_bounds(log: Log) -> Bounds:
+    """Return the bounds of the room's temperature around the first reading of a log [°C]."""
     first = float(log.temperature_degC[0])
     return first - _AMBIENT_BELOW, first + _AMBIENT_ABOVE
 
 
-def _single(log: Log, laws: Sequence[ControllerLaw], ambient_degC: Bounds) -> list[Hypothesis]:
+def _single(
+    log: Log, laws: Sequence[ControllerLaw], ambient_degC: Bounds, largest_power_pct: float | None
+) -> list[Hypothesis]:
     return [
-        Hypothesis(segments=(LogSegment(log=log, law=law, event=event, ambient_degC=ambient_degC),), two_lags=two)
+        Hypothesis(segments=(LogSegment(log=log, law=law, event=event, ambient_degC=ambient_degC),), two_lags=two,
+                   largest_power_pct=largest_power_pct)
         for law, two, event in product(laws, (False, True), (False, True))
     ]
 
 
-def _joint(alone: Sequence[Sequence[Fit]]) -> list[Hypothesis]:
+def _joint(alone: Sequence[Sequence[Fit]], largest_power_pct: float | None) -> list[Hypothesis]:
     """Return hypotheses of one heater for all logs: the segments that explain each log alone, in all combinations.
 
     A setpoint step is admitted in the logs that ask for it alone.
@@ -442,7 +450,8 @@ def _joint(alone: Sequence[Sequence[Fit]]) -> list[Hypothesis]:
         near = [fit.hypothesis.segments[0] for fit in ranked if fit.bic <= ranked[0].bic + _NEAR]
         fitting = {s.law.name: replace(s, event=asked) for s in near if s.event or not asked}
         segments.append(list(fitting.values())[:_MOST_LAWS])
-    return [Hypothesis(segments=chosen, two_lags=two) for chosen in product(*segments) for two in (False, True)]
+    return [Hypothesis(segments=chosen, two_lags=two, largest_power_pct=largest_power_pct)
+            for chosen in product(*segments) for two in (False, True)]
 
 
 def _law_remarks(best: Fit, logs: Sequence[Log]) -> Iterator[Remark]:
@@ -473,7 +482,7 @@ def _intervals(
     lost: dict[str, Interval | None] = {}
     if ambient_degC is not None and ambient_degC[0] == ambient_degC[1]:
         lost["ambient_degC"] = None
-    if not foretells(best) or ci95["ambient_degC"] is None:
+    if not foretells(best) or ci95["ambient_degC"] is None or ci95["time_constant_s"] is None:
         lost |= {"gain_degC_per_pct": None, "time_constant_s": None}
     return ci95 | lost
 
@@ -483,6 +492,36 @@ def _kept(ranked: Sequence[Fit]) -> list[Fit]:
     single = max((fit for fit in ranked if not fit.hypothesis.two_lags), key=lambda fit: fit.fit_pct, default=near[0])
     best = max(fit.fit_pct for fit in near)
     return near if single in near or single.fit_pct < best - _FOPDT_NEAR else [*near, single]
+
+
+def _best(fits: Sequence[Fit]) -> Fit:
+    return max(fits, key=lambda fit: fit.fit_pct)
+
+
+def _optima(ranked: Sequence[Fit], seed: int) -> list[Fit]:
+    """Return the fits from many starts without events whose error is at most half as large again as the smallest.
+
+    The laws are readings of one program. A controller that samples more slowly, or feeds its noise back, may fit its
+    own law worse than another law with another heater, by far more than the criterion's 10 points.
+    """
+    fits: list[Fit] = []
+    for fit in ranked:
+        hypothesis = fit.hypothesis
+        if not any(segment.event for segment in hypothesis.segments):
+            starts = _best_of(hypothesis, hypothesis.starts(np.random.default_rng(seed), _RANDOM), _OPTIMA)
+            fits += [_fit(hypothesis, z, fit.hold_out_rmse_degC) for z in _descent(hypothesis, starts, 60)]
+    most = _AS_CLOSE * min(fit.rmse_degC for fit in (*ranked, *fits))
+    return [fit for fit in fits if fit.rmse_degC <= most]
+
+
+def _with_rivals(ranked: Sequence[Fit], optima: Sequence[Fit]) -> list[Fit]:
+    """Return the fits that stay, and the optima with the least and the largest of each measure."""
+    kept = _kept(ranked)
+    inside = [fit for fit in optima if not fit.hypothesis.limits_reached(fit.vector)]
+    for measure in (FIELDS | COMBINATIONS).values():
+        values = [measure(fit.hypothesis.plant(fit.vector)) for fit in inside]
+        kept += [inside[int(place(values))] for place in (np.argmin, np.argmax) if values]
+    return list(dict.fromkeys(kept))
 
 
 def _ranges(best: Fit, fits: Sequence[Fit], seed: int, ambient_degC: Bounds | None) -> dict[str, Interval]:
@@ -554,6 +593,34 @@ def _outcome(fit: float, ci95: Mapping[str, Interval | None]) -> FitOutcome:
     return FitOutcome.IDENTIFIED if apart else FitOutcome.COMBINATIONS_ONLY
 
 
+def _power_remarks(
+    logs: Sequence[Log], ranges: dict[str, Interval], largest_power_pct: float | None
+) -> Iterator[Remark]:
+    """Yield the finding what the largest power in the logs is; if nobody knows, the gain has no upper end.
+
+    Args:
+        logs: without power.
+        ranges: measure → its range, changed in place.
+        largest_power_pct: as stated [%], or None.
+    """
+    names = " and ".join(log.name for log in logs)
+    if largest_power_pct is not None:
+        yield Remark("largest-power", f"The largest power in {names} is {largest_power_pct:g} %, as stated.")
+    elif any(log.output_limit_pct is None for log in logs):
+        low = ranges["gain_degC_per_pct"].low
+        ranges |= {name: Interval(low=ranges[name].low, high=None) for name in _OF_GAIN}
+        least = "larger than that of the fit" if low is None else f"anything from {low:.3g} °C/% upwards"
+        yield Remark("largest-power-unknown", (
+            f"{names} does not show how much power the largest output of its controller was: the process gain is "
+            f"{least} where the heater never got full power. State the largest power that it got in the log: "
+            "--largest-power PCT, 100 if it was fully on for a while."))
+
+
+def _no_power(logs: Sequence[Log]) -> Remark:
+    """Return the finding that the power was not logged; it says so if a setpoint was, which the fit does not use."""
+    return _NO_POWER if all(log.setpoint_degC is None for log in logs) else _NO_POWER_BUT_SETPOINT
+
+
 def _method(best: Fit) -> str:
     order = "two lags, reduced by the half rule" if best.hypothesis.two_lags else "one lag"
     laws = " and ".join(segment.law.name for segment in best.hypothesis.segments)
@@ -566,9 +633,12 @@ def _notes(
 ) -> tuple[str, ...]:
     hypothesis = best.hypothesis
     given = ambient_degC is not None and ambient_degC[0] == ambient_degC[1]
-    lost = [name for name, limits in ci95.items() if limits is None and not (name == "ambient_degC" and given)]
+    told = {"ambient_degC"} if given else set()
+    told |= {name for name in _OF_GAIN if hypothesis.largest_power_pct is None and ranges[name].high is None}
+    lost = [name for name, limits in ci95.items() if limits is None and name not in told]
     names = [segment.log.name for segment in hypothesis.segments]
-    notes = [_NO_POWER.sentence, *event_notes(best), *lost_notes(names, lost, ranges),
+    notes = [_no_power([segment.log for segment in hypothesis.segments]).sentence, *event_notes(best),
+             *lost_notes(names, lost, ranges),
              ambient_note(ambient_degC, hypothesis.segments[0].ambient_degC),
              *(note for s in hypothesis.segments for note in evidence_notes(s.log, s.ambient_degC)),
              *validation_notes(best, ranked)]

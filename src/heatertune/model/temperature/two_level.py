@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.arrays import Array
-from heatertune.errors import InputError, OutOfRange
+from heatertune.errors import InputError
 from heatertune.log.log_values import Log
 from heatertune.model.model_values import Fopdt, HeaterModel, TwoLag
 from heatertune.model.statistics import (
@@ -28,9 +28,9 @@ from heatertune.model.statistics import (
     student_t,
 )
 from heatertune.model.temperature.evidence import quiet_noise_degC, switching_guess
+from heatertune.model.temperature.thresholds import Thermostat
 
-__all__ = ["LONGEST", "SwitchingSolution", "Thermostat", "TwoLevelFit", "change_s", "fit_logged_switchings",
-           "fit_two_level"]
+__all__ = ["LONGEST", "SwitchingSolution", "TwoLevelFit", "change_s", "fit_logged_switchings", "fit_two_level"]
 
 
 _MOST_READINGS: Final = 800
@@ -52,42 +52,10 @@ _LEFT: Final = 0.03  # of the swing
 _DITHERED: Final = 0.45  # of the step of the readings, the error beyond which rounding is independent noise
 _COLDEST: Final = -60.0  # of rooms [°C]
 _LOUD: Final = 2.5  # times the noise: a model that leaves more does not explain the log
+_MOST_OF_ROW: Final = 1.5  # rows, within which nearly all switchings have to come after those of the log
+_MOST: Final = 0.9  # of the switchings, those that decide
 _UNEVEN: Final = 0.3  # of the swing: most deviation of the temperatures at which it turns
 _CONTINUOUS: Final = 7  # unknowns of a continuous controller and its heater, about
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Thermostat:
-    """A stated two-level controller: off from `high_degC` up, on from `low_degC` down.
-
-    Attributes:
-        low_degC, high_degC: the thresholds [°C].
-        least_on_s, least_off_s: shortest times on and off [s].
-    """
-
-    low_degC: float
-    high_degC: float
-    least_on_s: float = 0.0
-    least_off_s: float = 0.0
-
-    @classmethod
-    def stated(cls, numbers: float | Sequence[float] | None) -> Thermostat | None:
-        """Return the thermostat of two to four stated numbers, None without them.
-
-        Raises:
-            OutOfRange: another count of numbers, thresholds in the wrong order, a negative time.
-        """
-        if numbers is None:
-            return None
-        given = (numbers,) if isinstance(numbers, int | float) else tuple(numbers)
-        if not 2 <= len(given) <= 4:
-            raise OutOfRange("thermostat", given, "LOW HIGH, or LOW HIGH MINIMUM-ON MINIMUM-OFF")
-        if given[0] > given[1]:
-            raise OutOfRange("thermostat", given[0], f"<= its high threshold, {given[1]:g}")
-        if min((0.0, *given[2:])) < 0.0:
-            raise OutOfRange("thermostat", min(given[2:]), ">= 0: a minimum time [s]")
-        return cls(low_degC=given[0], high_degC=given[1], least_on_s=given[2] if len(given) > 2 else 0.0,
-                   least_off_s=given[3] if len(given) > 3 else 0.0)
 
 
 Rows = npt.NDArray[np.intp]
@@ -207,6 +175,26 @@ class TwoLevelFit:
         """Whether there are enough rows to a switching to tell the swing from noise."""
         return len(self.log.time_s) >= _MANY_ROWS * len(self.best[0].instants)
 
+    @property
+    def delays_s(self) -> Array:
+        """How long after its row each logged switching begins to act, shape (k,) [s]."""
+        rows, power = self.switched_rows, self.log.power_pct
+        assert rows is not None
+        assert power is not None
+        # it may begin to rise after the log has begun: one more at the beginning; and the fit may add one at the end
+        first = int(self.best[0].problem.is_on != bool(power[0] == power.max()))
+        return self.best[0].instants[first:first + len(rows)] - self.log.time_s[rows]
+
+    @property
+    def follows_rows(self) -> bool:
+        """Whether its switchings are those of the logged power: all as late, but for the row in which each lies.
+
+        Pulses that the temperature does not show one by one leave their instants free, which then fit anything.
+        """
+        row = float(np.median(np.diff(self.log.time_s)))
+        least, most = np.quantile(self.delays_s, (1.0 - _MOST, _MOST))
+        return float(most - least) <= _MOST_OF_ROW * row and self.instant_margin_s <= row
+
     def is_better(self, rmse_degC: float, readings: int) -> bool:
         """Return whether it explains the log better than a continuous controller, by 10 BIC points.
 
@@ -218,8 +206,8 @@ class TwoLevelFit:
         return readings * 2.0 * math.log(max(self.rmse_degC, 1e-9) / max(rmse_degC, 1e-9)) + more < -_NEAR
 
 
-def fit_two_level(log: Log, *, ambient_degC: tuple[float, float] | None,
-                  thermostat: Thermostat | None = None) -> TwoLevelFit | None:
+def fit_two_level(log: Log, *, ambient_degC: tuple[float, float] | None, thermostat: Thermostat | None = None,
+                  largest_power_pct: float | None = None) -> TwoLevelFit | None:
     """Fit heater and switching instants to a log without power; None if it does not look like two-level control.
 
     Raises:
@@ -231,7 +219,8 @@ def fit_two_level(log: Log, *, ambient_degC: tuple[float, float] | None,
     is_stated = thermostat is not None
     if len(guess.instants) < (1 if is_stated else _FEWEST) or not (is_stated or _is_even(log, guess.rows, guess.is_on)):
         return None
-    return _fit(log, guess.instants, guess.is_on, ambient_degC, thermostat=thermostat)
+    return _fit(log, guess.instants, guess.is_on, ambient_degC, thermostat=thermostat,
+                levels=(0.0, largest_power_pct or 100.0))
 
 
 def fit_logged_switchings(log: Log, dead_time_s: float, *, ambient_degC: tuple[float, float] | None

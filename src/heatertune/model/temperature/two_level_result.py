@@ -14,6 +14,7 @@ from heatertune.model.diagnostics import Remark, findings_of, poor_remarks
 from heatertune.model.model_values import Candidate, FitOutcome, FittedModel, HeaterModel, Residuals
 from heatertune.model.reduction import COMBINATIONS, FIELDS
 from heatertune.model.statistics import Interval, autocorrelation, fit_pct, identified_interval
+from heatertune.model.temperature.thresholds import Thresholds, reading_margin_degC, threshold_between
 from heatertune.model.temperature.two_level import LONGEST, SwitchingSolution, TwoLevelFit, change_s
 
 __all__ = ["two_level_model"]
@@ -21,6 +22,7 @@ __all__ = ["two_level_model"]
 
 _MOST_OF: Final = 0.9  # of the switchings, that come after the dead time
 _TRIGGERS: Final = 3.5  # standard deviations by which noise may switch early, of many readings
+_DELAYS: Final = 41  # dead times at which the thresholds are sought
 _POOR: Final = 60.0
 _LAW: Final = "two-level control"
 _LOGGED: Final = "power logged, switched between its rows"
@@ -44,6 +46,26 @@ def _dead_times(solution: SwitchingSolution, fit: TwoLevelFit) -> _DeadTimes:
     if fit.thermostat is None:
         return _DeadTimes(0.0, most + row)
     return _by_thresholds(solution, fit, offs, most + row)
+
+
+def _thresholds(fit: TwoLevelFit) -> Thresholds | None:
+    """Return the thresholds that the curve and the dead times up to the longest allow, None with few switchings.
+
+    The first switching on is from cold; the instants of the others are those at which the temperature turns.
+    """
+    best = fit.best[0]
+    begin, row = float(best.problem.time_s[0]), float(np.median(np.diff(fit.log.time_s)))
+    first = 0 if best.problem.is_on else 1
+    offs, ons = best.instants[first::2], best.instants[first + 1 :: 2]
+    margin, found = reading_margin_degC(fit.log) + fit.rmse_degC, None
+    for late in np.linspace(0.0, _longest_dead_time(best, float(np.ptp(best.instants))), _DELAYS):
+        kept = [turns[turns - late - row > begin] - late for turns in (ons, offs)]
+        if not all(map(len, kept)):
+            break
+        inside = Thresholds.between(*(threshold_between(
+            best.temperature_degC(turns - row), best.temperature_degC(turns), margin) for turns in kept))
+        found = inside if found is None else found.or_of(inside)
+    return found
 
 
 def _by_rows(solution: SwitchingSolution, fit: TwoLevelFit) -> _DeadTimes:
@@ -117,6 +139,9 @@ def two_level_model(fit: TwoLevelFit, ambient_degC: tuple[float, float] | None, 
         fit: of the log.
         ambient_degC: stated bounds of the ambient [°C], or None.
         hypotheses: hypotheses of continuous controllers that were compared.
+
+    Raises:
+        InputError: the log contradicts the stated thresholds.
     """
     log, best = fit.log, fit.best[0]
     family = list(_family(fit))
@@ -138,7 +163,9 @@ def two_level_model(fit: TwoLevelFit, ambient_degC: tuple[float, float] | None, 
     ci95: dict[str, Interval | None] = {name: identified_interval(ranges[name]) for name in FIELDS}
     if ambient_degC is not None and ambient_degC[0] == ambient_degC[1]:
         ci95["ambient_degC"] = None
-    dead = _dead_times(best, fit)
+    dead, thresholds = _dead_times(best, fit), _thresholds(fit)
+    if fit.thermostat is not None and fit.switched_rows is None and thresholds is not None:
+        thresholds.check_stated(log.name, fit.thermostat)
     plant = best.plant(best.gains[0], 0.5 * (dead.low + dead.high))
     simulated = best.temperature_degC(log.time_s)
     share = fit_pct(log.temperature_degC, simulated)
@@ -147,13 +174,13 @@ def two_level_model(fit: TwoLevelFit, ambient_degC: tuple[float, float] | None, 
     window = float(log.time_s[0]), float(log.time_s[-1])
     candidates = [Candidate(
         model=model, log=log.name, window_s=window, law=_LAW if fit.switched_rows is None else _LOGGED,
-        controller=_controller(solution, fit), fit_pct=share, rmse_degC=rmse, delta_bic=solution.bic - best.bic,
+        controller=_controller(thresholds, fit), fit_pct=share, rmse_degC=rmse, delta_bic=solution.bic - best.bic,
         part=part) for model, solution, part in _ends(family, plant, best)]
-    notes = list(_notes(fit, dead))
+    notes = list(_notes(fit, dead, thresholds))
     measures = {"ultimate_gain_pct_per_degC": _ultimate_gain, **COMBINATIONS}
     return FittedModel(
         model=plant.half_rule(), outcome=outcome,
-        findings=findings_of([*_remarks(fit, notes[0]), *poor_remarks(outcome, share, log.name)]),
+        findings=findings_of([*_remarks(fit, notes[0], thresholds), *poor_remarks(outcome, share, log.name)]),
         method="switching instants fitted together with the heater; profile likelihood",
         ci95=ci95, candidates=tuple(candidates), hypotheses=(candidates[0], *hypotheses),
         combinations={name: (measure(plant), ranges[name]) for name, measure in measures.items()
@@ -163,12 +190,17 @@ def two_level_model(fit: TwoLevelFit, ambient_degC: tuple[float, float] | None, 
                             autocorrelation=autocorrelation(log.temperature_degC - simulated)))
 
 
-def _remarks(fit: TwoLevelFit, note: str) -> Iterator[Remark]:
-    """Yield the findings: that no power was logged, and, unless it is stated, that full power is assumed."""
-    if fit.switched_rows is None:
-        yield Remark("no-power", note)
-        if fit.thermostat is None:
-            yield Remark("two-level", f"{note} That it is full power is assumed; --thermostat LOW HIGH states it.")
+def _remarks(fit: TwoLevelFit, note: str, thresholds: Thresholds | None) -> Iterator[Remark]:
+    """Yield the findings: that no power was logged, and whether that full power was switched is stated or assumed."""
+    if fit.switched_rows is not None:
+        return
+    yield Remark("no-power", note)
+    if fit.thermostat is not None:
+        yield Remark("thermostat", f"{note} Full power and none are those of the stated thermostat, "
+                                   f"{fit.thermostat.low_degC:g} and {fit.thermostat.high_degC:g} °C.")
+        return
+    where = "" if thresholds is None else f" It switches {thresholds.summary}."
+    yield Remark("two-level", f"{note}{where} That it is full power is assumed; --thermostat LOW HIGH states it.")
 
 
 def _outcome(share: float, ci95: Mapping[str, Interval | None]) -> FitOutcome:
@@ -203,18 +235,18 @@ def _ends(family: Sequence[tuple[HeaterModel, SwitchingSolution]], plant: Heater
                 yield *family[place], f"{name} at its {end} end"
 
 
-def _controller(solution: SwitchingSolution, fit: TwoLevelFit) -> dict[str, float]:
-    """Return the thresholds: as stated, or as the switchings show them without a dead time."""
+def _controller(thresholds: Thresholds | None, fit: TwoLevelFit) -> dict[str, float]:
+    """Return the thresholds: as stated, or the ends of what the log shows of them."""
     if fit.thermostat is not None:
         return {"low_degC": fit.thermostat.low_degC, "high_degC": fit.thermostat.high_degC}
-    first = 0 if solution.problem.is_on else 1
-    offs, ons = (solution.temperature_degC(solution.instants[place::2]) for place in (first, 1 - first))
-    if not len(offs) or not len(ons):
+    if thresholds is None:
         return {}
-    return {"lowest_degC": float(np.median(ons)), "highest_degC": float(np.median(offs))}
+    ends = {f"{name}_{side}_degC": value for name, inside in (("low", thresholds.low), ("high", thresholds.high))
+            for side, value in (("least", inside.low), ("most", inside.high))}
+    return {name: value for name, value in ends.items() if value is not None}
 
 
-def _notes(fit: TwoLevelFit, dead: _DeadTimes) -> Iterator[str]:
+def _notes(fit: TwoLevelFit, dead: _DeadTimes, thresholds: Thresholds | None) -> Iterator[str]:
     best, log = fit.best[0], fit.log
     count = len(best.instants)
     if fit.switched_rows is not None:
@@ -226,11 +258,10 @@ def _notes(fit: TwoLevelFit, dead: _DeadTimes) -> Iterator[str]:
     yield (f"The power was not logged; {log.name} is two-level control: {count} switchings between full power and none "
            "were fitted together with the heater.")
     if fit.thermostat is None:
-        found = _controller(best, fit)
-        within = f"; they lie within {found['lowest_degC']:.1f} to {found['highest_degC']:.1f} °C" if found else ""
-        yield (f"The thresholds are not known{within}, so the dead time may be {dead.low:.3g} to {dead.high:.3g} s; "
-               "if you know at which temperatures the thermostat switches, state them: --thermostat LOW HIGH, with "
-               "its minimum on and off times if it has any.")
+        found = "not in the log" if thresholds is None else f"known by the curve alone, {thresholds.summary}"
+        yield (f"Its thresholds are {found}; the dead time may be {dead.low:.3g} to {dead.high:.3g} s. If you know at "
+               "which temperatures the thermostat switches, state them: --thermostat LOW HIGH, with its minimum on and "
+               "off times if it has any.")
     else:
         yield (f"Its thresholds of {fit.thermostat.low_degC:g} and {fit.thermostat.high_degC:g} °C, as stated, leave a "
                f"dead time between {dead.low:.3g} and {dead.high:.3g} s.")

@@ -1,0 +1,98 @@
+/* Several heaters that exchange heat, each with the controller, reading and PWM of second_opinion.c: integer words and all.
+ *
+ * The network moves in steps of h by the exact solution that the caller computed, with the mean of each heater's power
+ * within the step. Scans and PWM periods of all zones begin at whole steps; pulses end within them.
+ */
+#include "second_opinion.c"
+
+typedef struct {
+    int zones, scans;                      /* of the run */
+    double h;                              /* [s] */
+    int64_t scan, period;                  /* [steps] */
+    const double *move, *drive, *constant; /* T(t + h) = move T + drive u + constant, n x n, n x n, n; u [%] */
+    const double *dead;                    /* of each zone, with the controller's own delay [s] */
+    const double *asked, *load, *noise;    /* of each scan and zone [degC, %, degC] */
+} Network;
+
+typedef struct { double due, level; } Turn;
+
+typedef struct {
+    Turn turns[4096];
+    int first, count;
+    double sent, level;                    /* what the switch does, and what has reached the heater */
+    double asked_pct, carried;
+    Memory m;
+} Zone;
+
+static int turn(Zone *z, double due, double level)
+{
+    if (z->sent == level) return 0;
+    if (z->count == 4096) return 1;
+    z->turns[(z->first + z->count++) % 4096] = (Turn){ due, level };
+    z->sent = level;
+    return 0;
+}
+
+static int zone_pulse(const Case *c, Zone *z, double now, double dead, double period)
+{
+    double wanted = z->asked_pct / 100.0 * period + z->carried;
+    double on = c->resolution * floor(wanted / c->resolution + 0.5 + 1e-9), near = 1e-9;
+    if (wanted < c->least_on - near || on < c->least_on - near || on < near)
+        on = 0.0;
+    else if (wanted > period - c->least_off + near || on > period - c->least_off + near || on > period - near)
+        on = period;
+    z->carried = c->carries ? wanted - on : 0.0;
+    if (on > 0.0 && turn(z, now + dead, 1.0)) return 1;
+    return on < period && turn(z, now + on + dead, 0.0);
+}
+
+/* share of the step from `from` on in which the heater is on */
+static double zone_power(Zone *z, double from, double h)
+{
+    double on = 0.0, at = from, to = from + h;
+    while (z->count && z->turns[z->first].due < to) {
+        double due = z->turns[z->first].due > at ? z->turns[z->first].due : at;
+        on += z->level * (due - at);
+        at = due;
+        z->level = z->turns[z->first].level;
+        z->first = (z->first + 1) % 4096;
+        z->count--;
+    }
+    return (on + z->level * (to - at)) / h;
+}
+
+/* temperatures: of each scan and zone; highest: of each scan up to the next one; start: of each zone; 1: too many pulses */
+int zone_judge(const Network *w, const Case *cases, const double *start, double *temperatures, double *highest, double *powers)
+{
+    int n = w->zones, wrong = 0;
+    Zone *zones = calloc((size_t)n, sizeof *zones);
+    double t[16], next[16], u[16];
+    memcpy(t, start, (size_t)n * sizeof *t);
+    int64_t steps = (int64_t)w->scans * w->scan;
+    for (int64_t k = 0; k < steps && !wrong; k++) {
+        int64_t s = k / w->scan;
+        double now = (double)k * w->h;
+        if (k % w->scan == 0)
+            for (int i = 0; i < n; i++) {
+                const Case *c = &cases[i];
+                double asked = w->asked[s * n + i], seen = t[i] + w->noise[s * n + i];
+                temperatures[s * n + i] = highest[s * n + i] = t[i];
+                zones[i].asked_pct = controlled(c, &zones[i].m, reading_of(c, asked), reading_of(c, seen));
+                powers[s * n + i] = zones[i].asked_pct;
+            }
+        if (k % w->period == 0)
+            for (int i = 0; i < n; i++)
+                wrong |= zone_pulse(&cases[i], &zones[i], now, w->dead[i], (double)w->period * w->h);
+        for (int i = 0; i < n; i++) u[i] = 100.0 * zone_power(&zones[i], now, w->h) - w->load[s * n + i];
+        for (int i = 0; i < n; i++) {
+            next[i] = w->constant[i];
+            for (int j = 0; j < n; j++) next[i] += w->move[i * n + j] * t[j] + w->drive[i * n + j] * u[j];
+        }
+        for (int i = 0; i < n; i++) {
+            t[i] = next[i];
+            if (t[i] > highest[s * n + i]) highest[s * n + i] = t[i];
+        }
+    }
+    free(zones);
+    return wrong;
+}

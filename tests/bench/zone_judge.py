@@ -1,0 +1,188 @@
+"""Zones a second time, with the words, readings and PWM of second_opinion.c: a judge that shares nothing with the proof.
+
+The network is a heat balance in SciPy's matrix exponential (tests/zones/networks.py). The day: all zones heat up together;
+then of each zone a higher setpoint and back, and a load and its end; readings are noisy. Temperatures are judged, not
+readings, by the limits of the proof's own specification.
+"""
+
+import ctypes
+import math
+import subprocess
+import tempfile
+from fractions import Fraction
+from functools import cache
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import expm
+
+from tests.bench.second_opinion import SWITCHES, TARGETS, _Case
+from tests.zones.networks import balance
+
+WORDS = {"s7-300": ("GAIN", "RATE", "RESET", "SAMPLE"), "s5-ob251": ("K", "R", "TI", "TD", "BGOG", "BGUG")}
+SLACK = 1.02  # of a limit, beside one count of the reading
+LOAD_PCT = 20.0
+RESERVE_PCT = 5.0
+_STEP_S = 0.25
+
+
+class _Network(ctypes.Structure):
+    _fields_ = (("zones", ctypes.c_int), ("scans", ctypes.c_int), ("h", ctypes.c_double), ("scan", ctypes.c_int64),
+                ("period", ctypes.c_int64), *((name, ctypes.c_void_p) for name in (
+                    "move", "drive", "constant", "dead", "asked", "load", "noise")))
+
+
+class Phase(NamedTuple):
+    """A part of the day: what begins, in which zone (-1: all), its scans, and the change of the setpoint [°C]."""
+
+    kind: str
+    zone: int
+    first: int
+    end: int
+    change: float = 0.0
+
+
+@cache
+def library():
+    """Return the C program; raise FileNotFoundError where there is no compiler."""
+    source = Path(__file__).parent / "zone_judge.c"
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "zone_judge.so"
+        subprocess.run(["cc", "-O3", "-fno-tree-slp-vectorize", "-ffp-contract=off", "-shared", "-fPIC", "-o", str(path),
+                        str(source), "-lm"], check=True)
+        return ctypes.CDLL(str(path))
+
+
+def judge(network, proof, *, settle_s, noise_degC=0.03, seed=0, settings=None):
+    """Return what the true network breaks under the words of a proof; "" where it breaks nothing.
+
+    Args:
+        network: the true one.
+        proof: whose words run, and whose specification is kept.
+        settle_s: how long each part of the day lasts.
+        noise_degC: of the readings.
+        seed: of the noise.
+        settings: of the controller's open points; None: the first of each.
+    """
+    phases, temperatures, highest, asked = live(
+        network, proof, settle_s=settle_s, noise_degC=noise_degC, seed=seed, settings=settings)
+    low, high = proof.words[0].scaling.sensor_degC
+    count = (high - low) / TARGETS[proof.words[0].target][1]
+    ambient = np.linalg.solve(balance(network)[0], -balance(network)[2])
+    for phase in phases:
+        part = slice(phase.first, phase.end)
+        complaint = broken(phase, temperatures[part] - asked[part], highest[part] - asked[part], proof.specification,
+                           np.array(proof.specification.setpoints_degC) - ambient, count)
+        if complaint:
+            return complaint
+    return ""
+
+
+def live(network, proof, *, settle_s, noise_degC, seed, settings):
+    """Return phases, temperatures, highest temperatures between scans and setpoints, each of shape (scans, n)."""
+    words, spec, actuator = proof.words, proof.specification, proof.actuator
+    count, interval = len(words), words[0].sample_time_s
+    ratio = Fraction(actuator.pwm_period_s / interval).limit_denominator(64)
+    h = interval / ratio.denominator
+    parts = math.ceil(h / _STEP_S)
+    h /= parts
+    states, inputs, constant = balance(network)
+    block = np.zeros((2 * count, 2 * count))
+    block[:count, :count], block[:count, count:] = states, np.eye(count)
+    exact = expm(block * h)
+    phases, asked, load = _day(network, spec, math.ceil(settle_s / interval))
+    number, counts, delay = TARGETS[words[0].target]
+    switches = settings or {name: choices[0] for name, choices in SWITCHES[words[0].target].items()}
+    places = [choices.index(switches[name]) for name, choices in SWITCHES[words[0].target].items()]
+    cases = (_Case * count)(*(_Case(
+        target=number, sw=(ctypes.c_int * 8)(*places),
+        words=(ctypes.c_double * 16)(*(float(each.values[name]) for name in WORDS[each.target])),
+        low=each.scaling.sensor_degC[0], span=each.scaling.sensor_degC[1] - each.scaling.sensor_degC[0], counts=counts,
+        resolution=actuator.resolution_s, least_on=actuator.minimum_on_s, least_off=actuator.minimum_off_s,
+        carries=actuator.minimum_rule == "carry") for each in words))
+    noise = np.random.default_rng(seed).normal(0.0, noise_degC, asked.shape) if noise_degC else np.zeros(asked.shape)
+    arrays = {"move": exact[:count, :count], "drive": exact[:count, count:] @ inputs,
+              "constant": exact[:count, count:] @ constant, "dead": np.array(network.dead_times_s) + delay,
+              "asked": asked, "load": load, "noise": noise}
+    arrays = {name: np.ascontiguousarray(array, dtype=np.float64) for name, array in arrays.items()}
+    outline = _Network(zones=count, scans=len(asked), h=h, scan=ratio.denominator * parts, period=ratio.numerator * parts,
+                       **{name: array.ctypes.data for name, array in arrays.items()})
+    rest = np.linalg.solve(states, -constant)
+    found = [np.zeros(asked.shape) for _ in range(3)]
+    if library().zone_judge(ctypes.byref(outline), cases, *(ctypes.c_void_p(each.ctypes.data) for each in (rest, *found))):
+        raise RuntimeError("too many pulses were under way")
+    return phases, found[0], found[1], asked
+
+
+def _day(network, spec, scans):
+    states, inputs, constant = balance(network)
+    setpoint, count = np.array(spec.setpoints_degC), len(network.zones)
+    held = np.linalg.solve(inputs, -(states @ setpoint + constant))
+    phases, asked, load = [], [], []
+
+    def part(kind, zone, change=0.0, burden=0.0, times=1):
+        moved, weight = setpoint.copy(), np.zeros(count)
+        if zone >= 0:
+            moved[zone] += change if kind == "setpoint" else 0.0
+            weight[zone] = burden
+        begin = phases[-1].end if phases else 0
+        phases.append(Phase(kind, zone, begin, begin + times * scans, change))
+        asked.append(np.tile(moved, (times * scans, 1)))
+        load.append(np.tile(weight, (times * scans, 1)))
+
+    part("heat-up", -1, times=2)
+    for zone in range(count):
+        change = min(spec.step_degC, 0.95 * room(network, setpoint, zone))
+        if change >= 0.2 * spec.step_degC:
+            part("setpoint", zone, change)
+            part("setpoint back", zone, change)
+        burden = min(LOAD_PCT, 100.0 - RESERVE_PCT - held[zone])
+        if burden > 1.0:
+            part("load", zone, burden=burden)
+            part("load gone", zone)
+    return phases, np.concatenate(asked), np.concatenate(load)
+
+
+def room(network, setpoint, zone):
+    """Return by how much a zone's setpoint can rise before a neighbour needs no power, or it needs more than all [°C]."""
+    states, inputs, constant = balance(network)
+    base = np.linalg.solve(inputs, -(states @ setpoint + constant))
+    slope = np.linalg.solve(inputs, -states[:, zone])
+    limits = [(base[i] - 1.0) / -slope[i] if slope[i] < 0.0 else (95.0 - base[i]) / slope[i]
+              for i in range(len(base)) if slope[i]]
+    return max(min(limits), 0.0)
+
+
+def broken(phase, errors, highest, spec, rise, count):
+    """Return what a phase breaks: distances from the setpoints [°C], of shape (scans, n); "" where it breaks nothing."""
+    limits, last = spec.limits, errors[-len(errors) // 5:]
+    what = f"in {phase.kind}{'' if phase.zone < 0 else f' of zone {phase.zone + 1}'}"
+    mine = [phase.zone] if phase.zone >= 0 else range(errors.shape[1])
+    if (offset := np.abs(last).max()) > SLACK * limits.tolerance_degC + count:
+        return f"{offset:.2f} °C off at the end {what}"
+    over = highest.max(axis=0)
+    if phase.kind == "heat-up" and (most := (100.0 * (over - count) / rise).max()) > SLACK * limits.overshoot_pct:
+        return f"overshoot {most:.1f} %"
+    if phase.kind.startswith("setpoint"):
+        others = np.delete(np.maximum(highest, np.abs(errors)), phase.zone, axis=1)
+        if (off := others.max()) > SLACK * spec.deviation_limit_degC(phase.change) + count:
+            return f"a neighbour {off:.2f} °C off {what}"
+    if phase.kind == "setpoint" and limits.small_change_overshoot_pct is not None:
+        most = max(limits.small_change_overshoot_pct / 100.0 * phase.change, limits.tolerance_degC)
+        if over[phase.zone] > SLACK * most + count:
+            return f"overshoot {over[phase.zone]:.2f} °C {what}"
+    if phase.kind.startswith("load") and limits.recovery_overshoot_pct is not None:
+        for zone in mine:
+            beyond = over[zone] if phase.kind == "load" else -errors[:, zone].min()
+            if 100.0 * (beyond - count) / rise[zone] > SLACK * limits.recovery_overshoot_pct:
+                return f"overshoot {beyond:.2f} °C {what}"
+    return ""
+
+
+def settling(network, proof, radius):
+    """Return how long a part of the day lasts, by the largest eigenvalue of the loop [s]."""
+    designs = proof.design.designs
+    size = min(max(radius, 0.5), 1.0 - 1e-4)
+    return (12.0 * max(each.integral_time_s for each in designs) - 8.0 * designs[0].sample_time_s / math.log(size)
+            + 2.0 * max(network.time_constants_s))
