@@ -26,6 +26,7 @@ from heatertune.model.statistics import Interval
 
 FAST = {"step": False, "rate": 2000.0, "dead_man": 3000}
 PLAN = Steps(steps=((0.0, 0.0), (100.0, 60.0), (500.0, 20.0)))
+ENDLESS = Steps(steps=((0.0, 10.0), (90000.0, 20.0)))  # 45 s at least by this clock: what is to end it always comes before
 WARM = AbortLimits(temperature_degC=90.0)
 
 
@@ -140,7 +141,7 @@ def test_a_relay_is_run(served, words, tmp_path):
 
 
 def test_the_limit_ends_it_at_the_second_look(served, words, tmp_path):
-    plan = Steps(steps=((0.0, 100.0), (3000.0, 100.0)))
+    plan = Steps(steps=((0.0, 100.0), (90000.0, 100.0)))
     ended, before = ran(plc := served(**FAST), words, tmp_path, plan, AbortLimits(temperature_degC=60.0))
     assert (ended.reason, ended.restored, cells(plc)) == ("limit", True, before)
     rows = rows_of(tmp_path / "log.csv")
@@ -164,7 +165,7 @@ def test_what_goes_wrong_ends_it(served, words, tmp_path, fault, why):
 def test_a_rate_that_is_too_fast_ends_it(served, words, tmp_path):
     # 60 % leads to 76 °C: the limit of the temperature is not reached, however late a look comes
     limits = AbortLimits(temperature_degC=95.0, rate_degC_per_min=5.0)
-    ended, _ = ran(served(**FAST), words, tmp_path, Steps(steps=((0.0, 60.0), (900.0, 0.0))), limits)
+    ended, _ = ran(served(**FAST | {"rate": 300.0}), words, tmp_path, Steps(steps=((0.0, 60.0), (9000.0, 0.0))), limits)
     assert ended.reason == "rate"
 
 
@@ -175,7 +176,7 @@ def test_somebody_elses_hand_ends_it_and_is_left_alone(served, words, tmp_path):
         if so_far.rows == 30:
             plc.plc.memory.write(DB, CELLS.start, theirs)
 
-    ended, _ = ran(plc, words, tmp_path, Steps(steps=((0.0, 10.0), (6000.0, 20.0))), on_row=shown)
+    ended, _ = ran(plc, words, tmp_path, ENDLESS, on_row=shown)
     assert (ended.reason, ended.restored) == ("hand", False)
     assert cells(plc) == theirs
 
@@ -187,14 +188,14 @@ def test_a_key_ends_it(served, words, tmp_path):
         pressed.extend([1] * (so_far.rows > 20))
 
     plc = served(**FAST)
-    ended, before = ran(plc, words, tmp_path, on_row=shown, key=lambda: bool(pressed))
+    ended, before = ran(plc, words, tmp_path, ENDLESS, on_row=shown, key=lambda: bool(pressed))
     assert (ended.reason, ended.restored, cells(plc)) == ("key", True, before)
 
 
 def test_it_ends_as_soon_as_enough_is_known(served, words, tmp_path):
     known = SimpleNamespace(model=SimpleNamespace(gain_degC_per_pct=0.9), ci95={"gain_degC_per_pct": Interval(low=0.85, high=0.95)})
     aims = Aims(shares={"gain_degC_per_pct": 0.06}, every_rows=10)
-    ended, _ = ran(served(**FAST), words, tmp_path, Steps(steps=((0.0, 10.0), (90000.0, 20.0))), aims=aims, fit=lambda _: known)
+    ended, _ = ran(served(**FAST), words, tmp_path, ENDLESS, aims=aims, fit=lambda _: known)
     assert (ended.reason, ended.fitted_model) == ("known", known)
 
 
