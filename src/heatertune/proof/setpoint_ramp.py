@@ -1,6 +1,6 @@
-"""The setpoint ramp: chosen in the loop of the proof, so that the overshoot of the heat-up keeps its limit.
+"""The way to the setpoint: a ramp or a boost, chosen in the loop of the proof, that keeps the limit of overshoot.
 
-The gains stay those of the optimum, and with them what a disturbance costs; the price is a later heat-up.
+The gains stay those of the optimum, and with them what a disturbance costs; the price of a ramp is a later heat-up.
 """
 
 from __future__ import annotations
@@ -13,7 +13,8 @@ from typing import Final
 from heatertune.errors import OutOfRange
 from heatertune.model.cooler_mirror import cools
 from heatertune.model.model_values import FittedModel
-from heatertune.plc import Ramp, Words, controller_for
+from heatertune.plc import Boost, Ramp, Words, controller_for
+from heatertune.plc.single_precision import single
 from heatertune.processors import ProgressCallback
 from heatertune.proof import Proof, prove
 from heatertune.proof.criteria import band_of, names_of
@@ -28,7 +29,7 @@ from heatertune.proof.worst_runs import RunScreen
 from heatertune.settings import Conditions
 from heatertune.units import written
 
-__all__ = ["BY_RAMP", "OVERSHOOTS", "REHEATS", "prove_ramped"]
+__all__ = ["BY_RAMP", "OVERSHOOTS", "REHEATS", "boosts", "prove_ramped", "slow_ramps"]
 
 _STEP: Final = math.sqrt(2.0)  # from one duration to the next, while looking for one that is long enough
 _NEAR: Final = 1.03  # the ramp found is the fastest within this factor
@@ -37,6 +38,15 @@ _FAR_LONGER: Final = 16.0  # times the longest open circuit of a proof
 _OF_SETTLING: Final = 0.8  # of the time until all has settled, that the ramp itself may take
 #: times how far from the setpoint is still right, from the loosest on; the looser ones only where none of these will do
 _HOLDS: Final = ((8.0, 4.0, 2.0), (32.0, 16.0))
+_SHORT_HOLD: Final = 2.0
+_SLOW: Final = (0.125, 0.25, 0.5)  # of the longest ramp
+#: of the distance at which the P part alone asks for full power: nearer, the I part has less time to wind up, but more
+#: is left to it. The nearest ones, which overshoot sooner, are for an I part that goes on at a limit of the output
+_SHARES: Final = ((1.0, 0.7, 0.5, 0.35), (0.25, 0.18, 0.12))
+#: between the two distances: of the nearer one; steps of the sensor and standard deviations of its noise, together
+_BETWEEN: Final = 0.5
+_BOOSTS_STEPS: Final = 4.0
+_SIGMAS: Final = 6.0
 #: criteria that a slower way to the setpoint helps to keep
 OVERSHOOTS: Final = frozenset(names_of(beyond_degC, phases={*TO_SETPOINT} - {"reheat"}))
 #: criteria that only a holdback helps to keep: the setpoint is at its end when the heater's circuit opens
@@ -75,6 +85,54 @@ def prove_ramped(
     """
     proof, told = _ramped(words, fitted, ramp, conditions, plain, progress)
     return as_exported(proof) if text else proof, told
+
+
+def boosts(words: Words, screen: RunScreen, conditions: Conditions) -> Iterator[Boost]:
+    """Yield the boosts with which words keep the limits in runs that were failed, the nearest ones last.
+
+    Of either, that which settles first comes first.
+
+    Args:
+        words: without one.
+        screen: the runs.
+        conditions: of the proof.
+    """
+    for shares in _SHARES:
+        settled = [(settles, boost.within_degC, boost) for boost in _tried(words, conditions, shares)
+                   if (settles := screen.settles(words.with_boost(boost), conditions)) is not None]
+        yield from (boost for *_, boost in sorted(settled, key=lambda entry: entry[:2]))
+
+
+def _tried(words: Words, conditions: Conditions, shares: Sequence[float]) -> Iterator[Boost]:
+    controller, span = controller_for(words.target), words.scaling.span_degC
+    design = controller.decode(words)
+    if design is None:
+        return
+    least = _BOOSTS_STEPS * span / controller.counts + _SIGMAS * abs(conditions.noise_degC)
+    for share in shares:
+        within = _short(share * controller.most_power_pct(words) / abs(design.gain_pct_per_degC))
+        again = _short(within + max(_BETWEEN * within, least))
+        if within < again < span:
+            yield Boost(within_degC=within, again_degC=again)
+
+
+def _short(distance_degC: float) -> float:
+    """Return a distance in three digits, as a single."""
+    return single(float(f"{distance_degC:.3g}"))
+
+
+def slow_ramps(proof: Proof, fitted: FittedModel) -> Iterator[Words]:
+    """Yield the words of a proof with setpoint ramps slower than its test sequence needs, with a short holdback.
+
+    Args:
+        proof: of a loop whose setpoint such a ramp leads.
+        fitted: the heater and its candidates.
+    """
+    side = -1.0 if cools(fitted) else 1.0
+    hold_degC = side * _SHORT_HOLD * band_of(proof.limits, proof.nominal.resolution_degC)
+    search = _Search(
+        plain=proof, fitted_model=fitted, conditions=Conditions(), kept_limits=BY_RAMP, hold_degC=hold_degC)
+    yield from filter(None, (search.with_duration(share * search.longest_s) for share in _SLOW))
 
 
 @judged_once()
@@ -217,7 +275,7 @@ class _Search:
 
     def settles_at_once(self) -> float | None:
         """Return after what time the worst runs settle with the fastest ramp there is [s]; None: they fail."""
-        words = next(filter(None, map(self._with, self._durations())), None)
+        words = next(filter(None, map(self.with_duration, self._durations())), None)
         if words is None:
             return None
         return self._watched.settles(words, self.conditions)
@@ -256,7 +314,7 @@ class _Search:
     def _fastest_on(self, watched: RunScreen) -> Words | None:
         shorter, hopeful = None, False
         for duration in self._durations():
-            words = self._with(duration)
+            words = self.with_duration(duration)
             if words is not None and self._keeps(words, watched):
                 return self._refined(shorter, duration, words, watched)
             hopeful = hopeful or words is None or self._hopeful(words, watched)
@@ -267,7 +325,7 @@ class _Search:
 
     def _hopeful(self, fastest: Words, watched: RunScreen) -> bool:
         """Return whether the slowest ramp keeps what no way mends, and by far more of the rest than the fastest."""
-        slowest = self._with(self.longest_s)
+        slowest = self.with_duration(self.longest_s)
         if slowest is None:
             return False
         unled = any(each.name in _UNLED and not each.ok for each in self.plain.criteria)
@@ -279,7 +337,7 @@ class _Search:
 
     def _fastest_within(self, seconds: float, watched: RunScreen) -> Words | None:
         longest = min(_OF_SETTLING * seconds, self.longest_s)
-        words = self._with(longest)
+        words = self.with_duration(longest)
         if words is None or not self._keeps(words, watched):
             return None
         return self._refined(next(self._durations()), longest, words, watched)
@@ -287,7 +345,7 @@ class _Search:
     def _refined(self, shorter: float | None, longer: float, words: Words, watched: RunScreen) -> Words:
         while shorter is not None and longer > _NEAR * shorter:
             between = math.sqrt(shorter * longer)
-            tried = self._with(between)
+            tried = self.with_duration(between)
             if tried is not None and self._keeps(tried, watched):
                 longer, words = between, tried
             else:
@@ -308,7 +366,7 @@ class _Search:
         scenario = self.plain.scenario
         return (scenario.disturbances[0].time_s if scenario.disturbances else scenario.duration_s) / 2.0
 
-    def _with(self, duration_s: float) -> Words | None:
+    def with_duration(self, duration_s: float) -> Words | None:
         """Return the words with a ramp that takes so long on the nominal heater; None where there can be none."""
         scenario, words = self.plain.scenario, self.plain.words
         model = dict(labelled_heaters(self.fitted_model))[self.plain.runs[0].model]

@@ -18,13 +18,14 @@ from heatertune.model.diagnostics import DROP_PCT, Remark
 from heatertune.model.model_values import Half, HeldOut, InputCorrelation, Validation, disagreeing_parameters
 from heatertune.model.power.feedback import follows_temperature, input_correlation, is_feedback
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
+from heatertune.model.power.regressors import GAIN
 from heatertune.model.power.uncertainty import reaches, sensitivities
 from heatertune.model.statistics import Interval, fit_pct, identified_parts, ljung_box
 from heatertune.units import NOMENCLATURE
 
 __all__ = [
-    "check_fit", "correlation_of", "half_of", "halves", "held_out", "judgement_remarks", "plain_halves", "predicts",
-    "sides", "unseen",
+    "check_fit", "correlation_of", "fit_of_half", "half_of", "halves", "held_out", "judgement_remarks", "plain_halves",
+    "predicts", "sides", "unseen",
 ]
 
 
@@ -35,6 +36,7 @@ _BEGUN = 5  # readings of a later segment
 _AS_WELL = 5.0  # fit [%] that may be lost
 _FEWEST = 20  # readings of a half
 _CROSS_VALIDATION_READINGS = 250  # averaged, of a half
+_LESS = 0.999  # of the squares: a search with one unknown less ended lower, so the other one went astray
 _SHOWN = ("gain_degC_per_pct", "time_constant_s", "dead_time_s")
 
 
@@ -101,12 +103,31 @@ def half_of(problem: PowerProblem, rows: Rows) -> PowerProblem | None:
                    at_rest=problem.at_rest and bool(rows[0]))
 
 
+def fit_of_half(part: PowerProblem, whole: PowerFit) -> PowerFit:
+    """Return the fit of a half of a log; where its readings leave the sign of the gain to noise, with the log's gain.
+
+    The sum of squares is then nearly the same for every gain, but no heater has one below zero. That is so where the
+    power does not change within the half.
+
+    Args:
+        part: the half, see `half_of`.
+        whole: fit of the log.
+    """
+    fit = part.refine(whole.vector[None, :])
+    held = part.refine_held(whole.vector, float(whole.linear[GAIN]))
+    return held if fit.model is None or _squares(part, held) < _LESS * _squares(part, fit) else fit
+
+
+def _squares(problem: PowerProblem, fit: PowerFit) -> float:
+    return float(np.sum((problem.readings.temperature_degC - fit.simulated_degC) ** 2))
+
+
 def _half(problem: PowerProblem, fit: PowerFit, rows: Rows) -> Half | None:
     part = half_of(problem, rows)
     if part is None:
         return None
     start, end = float(part.readings.time_s[0]), float(part.readings.time_s[-1])
-    refit = part.refine(np.array([fit.vector]))
+    refit = fit_of_half(part, fit)
     if refit.model is None:
         return None
     values = {name: float(getattr(refit.model, name)) for name in _SHOWN}

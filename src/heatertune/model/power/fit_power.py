@@ -46,6 +46,7 @@ from heatertune.model.power.explanation import Explanation, alias_remarks
 from heatertune.model.power.fit_checks import (
     check_fit,
     correlation_of,
+    fit_of_half,
     half_of,
     judgement_remarks,
     plain_halves,
@@ -68,7 +69,7 @@ from heatertune.model.power.uncertainty import (
     value_of,
 )
 from heatertune.model.reduction import ultimate_period_s
-from heatertune.model.statistics import PERIOD, RATIO, Interval, autocorrelation, fit_pct, holds, identified_parts
+from heatertune.model.statistics import PERIOD, RATIO, Interval, autocorrelation, fit_pct, identified_parts
 from heatertune.units import NOMENCLATURE
 
 __all__ = [
@@ -364,6 +365,7 @@ _TOLD = 1.1  # a smaller factor changes no decision
 _TWICE = 2.0  # two halves alone say about this much less than the whole
 _MOST = 10.0  # a larger one is rounding: the log holds no noise
 _FOUR_OF_FIVE = NormalDist().inv_cdf(0.9) / NormalDist().inv_cdf(0.975)  # of the reach of a 95 % interval
+_SURE = 0.5  # of a 95 % limit of noise, beyond it: noise alone exceeds it so far once in 300 times
 _KNOWS = 5.0  # a half that knows a number within this factor has a say
 _NORMAL = NormalDist().inv_cdf(0.975)
 
@@ -377,7 +379,7 @@ def interval_widening(problem: PowerProblem, fit: PowerFit) -> dict[str, float]:
     noise = noise_of(thin, refit)
     # each half has its own ambient, which includes a load that began before
     values = {name: value_of(refit, name) for name in noise.deviation if name != "ambient_degC"}
-    surprises = [_surprises(problem, rows, values, noise) for rows in sides(problem)]
+    surprises = [_surprises(problem, fit, rows, values, noise) for rows in sides(problem)]
     return {name: _ratio([surprise[name] for surprise in surprises if name in surprise]) for name in values}
 
 
@@ -391,32 +393,54 @@ def widening_notes(factors: Mapping[str, float]) -> tuple[str, ...]:
 
 
 def said_by_halves(
-    problem: PowerProblem, fit: PowerFit, validation: Validation, ci95: Mapping[str, Interval]
+    problem: PowerProblem, fit: PowerFit, validation: Validation, bounds: Mapping[str, tuple[float, float]]
 ) -> tuple[Mapping[str, float], ...]:
     """Return the values that intervals have to contain if more than noise separates the log from its model.
 
-    They are both ends of the 80 % interval of each half of the log; NaN if a half has little information.
+    They are both ends of the 80 % interval of each half of the log; NaN if a half has little information. What a half
+    says counts as far as noise does not explain it: not at all where its own 95 % interval holds the value of the
+    whole log, wholly from half as much again on. Without steps between the two, no few rows decide.
+
+    Args:
+        problem: of the whole log.
+        fit: of it.
+        validation: of the fit.
+        bounds: number → its bounds.
     """
     halves = *(validation.halves or ()), *plain_halves(problem, fit, validation.halves)
-    correlation = validation.input_correlation
-    if (correlation is None or correlation.ok) and all(
-            holds(ci95[name], value) for half in halves for name, value in half.values.items()):
-        return ()
-    bounds, silent = bounds_of(problem), dict.fromkeys(ci95, math.nan)
+    correlation, silent = validation.input_correlation, dict.fromkeys(bounds, math.nan)
+    missed = 0.0 if correlation is None else _beyond_noise(abs(correlation.largest), correlation.limit)
     return tuple(
-        silent | {name: float(np.clip(_said(half, name, sign), *bounds[name])) for name in half.values}
+        silent | {name: float(np.clip(_said(half, name, sign, value_of(fit, name), missed), *bounds[name]))
+                  for name in half.values}
         for half in halves for sign in (-1.0, 1.0))
 
 
-def _said(half: Half, name: str, sign: float) -> float:
-    """Return an end; for gain and time constant on a logarithmic scale, which excludes zero."""
+def _said(half: Half, name: str, sign: float, whole: float, missed: float) -> float:
+    """Return an end, as far as it counts; for gain and time constant on a logarithmic scale, which excludes zero.
+
+    Args:
+        half: of the log.
+        name: of a number.
+        sign: of the end.
+        whole: the number on the whole log.
+        missed: how much every half counts, 0 to 1, as the residuals follow the power.
+    """
     value, high = half.values[name], half.ci95[name].high
     if high is None:
         return math.nan
     reach = sign * _FOUR_OF_FIVE * (high - value)
+    counts = max(missed, _beyond_noise(abs(value - whole), high - value))
     if name == "dead_time_s":
-        return value + reach
-    return value * math.exp(reach / value) if high - value < math.log(_KNOWS) * value else math.nan
+        return whole + counts * (value + reach - whole)
+    if high - value >= math.log(_KNOWS) * value:
+        return math.nan
+    return float(whole * (value * math.exp(reach / value) / whole) ** counts)
+
+
+def _beyond_noise(size: float, limit: float) -> float:
+    """Return how much of a size noise does not explain: 0 up to its 95 % limit, 1 from half as much again on."""
+    return float(np.clip((size - limit) / (_SURE * limit), 0.0, 1.0)) if limit > 0.0 else float(size > 0.0)
 
 
 def halves_notes(before: Mapping[str, Interval], after: Mapping[str, Interval | None]) -> Iterator[str]:
@@ -435,16 +459,20 @@ def _ratio(squares: list[float]) -> float:
     return float(np.clip(np.sqrt(np.mean(squares)), 1.0, _MOST)) if squares else 1.0
 
 
-def _surprises(problem: PowerProblem, rows: Rows, values: Mapping[str, float], whole: ParameterNoise) -> dict[str,
-                                                                                                              float]:
+def _surprises(
+    problem: PowerProblem, whole_fit: PowerFit, rows: Rows, values: Mapping[str, float], whole: ParameterNoise
+) -> dict[str, float]:
     """Return the squared deviations of the whole log's values from those of a half, 1 on average for pure noise.
 
     The deviation is the increase of the half's sum of squares, so that a half with little information gives small
     values.
     """
     part = half_of(problem, rows)
-    fit = None if part is None else part.fit()
-    if part is None or fit is None or fit.model is None:
+    if part is None:
+        return {}
+    found, near = part.fit(), fit_of_half(part, whole_fit)
+    fit = near if found.model is None or bic_of(part, near) < bic_of(part, found) else found
+    if fit.model is None:
         return {}
     noise = noise_of(part, fit)
     least = float(np.sum((part.readings.temperature_degC - fit.simulated_degC) ** 2))
@@ -506,7 +534,8 @@ def fit_power(explanation: Explanation, weight: WeighedFit, *, least_dead_time_s
     inside, validation, rivals, wider = weight
     read_otherwise = widen_intervals(
         inside, [*(values_of(rival.model) for rival in rivals if not rival.shifted), *values_at_ends(explanation.bend)])
-    as_read = widen_intervals(read_otherwise, said_by_halves(explanation.problems[0], one, validation, read_otherwise))
+    bounds = bounds_of(explanation.problems[0])
+    as_read = widen_intervals(read_otherwise, said_by_halves(explanation.problems[0], one, validation, bounds))
     ci95: dict[str, Interval | None] = {
         **widen_intervals(as_read, [values_of(rival.model) for rival in rivals if rival.shifted])}
     lag = ci95["time_constant_s"]

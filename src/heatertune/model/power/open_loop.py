@@ -522,6 +522,12 @@ class PowerProblem:
         z = self.minimum(starts, records, iterations=60, tolerance=1e-9)
         return self.at(_best(z, self.cost(z, records), 1)[0])
 
+    def refine_held(self, vector: Array, gain: float) -> PowerFit:
+        """Return the best fit of a given gain [°C/%] that lags and dead time (3,) lead to."""
+        fixed, records = self.nothing_more(1), self.readings.temperature_degC[None, :]
+        fixed.values[0, GAIN] = gain
+        return self.at(self.minimum(vector[None, :], records, fixed, iterations=60, tolerance=1e-9)[0], fixed)
+
     def far(self) -> PowerFit:
         """Return the best fit whose time constant is the longest searched: the heater as an integrator."""
         starts = np.column_stack([np.full(9, self.high[0]), np.linspace(self.low[1], self.high[1], 9), np.zeros(9)])

@@ -144,8 +144,9 @@ class DesignChange:
         ms: a looser limit of the optimum than asked for, within the specification.
         power_most_pct: the controller never asks for more [%].
         window_degC: a firmware hands over from full power to the PID so far from the setpoint [°C].
-        boosted: whether the program gives full power far from the setpoint.
-        ramped: whether the setpoint is led by a ramp.
+        has_boost: whether the program gives full power far from the setpoint.
+        has_ramp: whether the setpoint is led by a ramp.
+        has_slow_ramp: whether it is led by one that the words hold, slower than the test sequence needs.
     """
 
     pwm_about_s: float | None = None
@@ -158,6 +159,7 @@ class DesignChange:
     window_degC: float | None = None
     has_boost: bool = False
     has_ramp: bool = False
+    has_slow_ramp: bool = False
 
     def with_(self, change: DesignChange) -> DesignChange:
         """Return the changes of both; of the other where both change the same."""
@@ -207,8 +209,8 @@ class DesignChange:
             conditions = replace(conditions, pwm_period_s=period)
         if self.bursts_s:
             conditions = replace(conditions, pwm_resolution_s=_WAVE_S, pwm_rule="burst")
-        return replace(request, tune_settings=tuned, conditions=conditions, refined=False,
-                       setpoint_ramp="auto" if self.has_ramp else request.setpoint_ramp or "none")
+        ramp = None if self.has_slow_ramp else "auto" if self.has_ramp else request.setpoint_ramp or "none"
+        return replace(request, tune_settings=tuned, conditions=conditions, refined=False, setpoint_ramp=ramp)
 
     @property
     def only_outside(self) -> bool:
@@ -229,7 +231,8 @@ class DesignChange:
             self.power_most_pct and f"an output of at most {self.power_most_pct:.3g} %",
             self.window_degC and f"a firmware built with a window of {self.window_degC:.3g} °C",
             self.has_boost and "a boost",
-            self.has_ramp and "a setpoint ramp")
+            self.has_ramp and "a setpoint ramp",
+            self.has_slow_ramp and "a slow setpoint ramp")
         return " and ".join(part for part in parts if part)
 
 

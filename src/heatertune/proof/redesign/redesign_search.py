@@ -20,10 +20,9 @@ from heatertune.model.model_values import FittedModel
 from heatertune.pid.design_values import PidDesign
 from heatertune.pid.search.feasible import Problem, keeps, largest_gain, search
 from heatertune.pid.tune import assessed_sampled
-from heatertune.plc import Boost, Scaling, Words, controller_for
+from heatertune.plc import Boost, Scaling, controller_for
 from heatertune.plc.controller import with_cooling
 from heatertune.plc.design import encode, loop_fit
-from heatertune.plc.single_precision import single
 from heatertune.plc.word_selection import choose_words
 from heatertune.processors import ProgressCallback
 from heatertune.proof import Proof
@@ -47,55 +46,12 @@ from heatertune.proof.redesign.design_changes import (
 )
 from heatertune.proof.redesign.suggestion import Suggestion, passing_told
 from heatertune.proof.runs import MOST_SCANS, SearchBudget, judged_once
-from heatertune.proof.setpoint_ramp import BY_RAMP
+from heatertune.proof.setpoint_ramp import BY_RAMP, boosts, slow_ramps
 from heatertune.proof.text_comparison import as_exported
 from heatertune.proof.worst_runs import NOTICEABLE, RunScreen, WorstRuns
-from heatertune.settings import Conditions, TuneSettings
+from heatertune.settings import TuneSettings
 
-__all__ = ["GainFamily", "GainPoint", "GainSearch", "RedesignSearch", "boosts", "closed_on_runs", "find_passing_design"]
-
-
-#: of the distance at which the P part alone asks for full power: nearer, the I part has less time to wind up, but more
-#: is left to it. The nearest ones, which overshoot sooner, are for an I part that goes on at a limit of the output
-_SHARES: Final = ((1.0, 0.7, 0.5, 0.35), (0.25, 0.18, 0.12))
-#: between the two distances: of the nearer one; steps of the sensor and standard deviations of its noise, together
-_BETWEEN: Final = 0.5
-_BOOSTS_STEPS: Final = 4.0
-_SIGMAS: Final = 6.0
-
-
-def boosts(words: Words, screen: RunScreen, conditions: Conditions) -> Iterator[Boost]:
-    """Yield the boosts with which words keep the limits in runs that were failed, the nearest ones last.
-
-    Of either, that which settles first comes first.
-
-    Args:
-        words: without one.
-        screen: the runs.
-        conditions: of the proof.
-    """
-    for shares in _SHARES:
-        settled = [(settles, boost.within_degC, boost) for boost in _tried(words, conditions, shares)
-                   if (settles := screen.settles(words.with_boost(boost), conditions)) is not None]
-        yield from (boost for *_, boost in sorted(settled, key=lambda entry: entry[:2]))
-
-
-def _tried(words: Words, conditions: Conditions, shares: Sequence[float]) -> Iterator[Boost]:
-    controller, span = controller_for(words.target), words.scaling.span_degC
-    design = controller.decode(words)
-    if design is None:
-        return
-    least = _BOOSTS_STEPS * span / controller.counts + _SIGMAS * abs(conditions.noise_degC)
-    for share in shares:
-        within = _short(share * controller.most_power_pct(words) / abs(design.gain_pct_per_degC))
-        again = _short(within + max(_BETWEEN * within, least))
-        if within < again < span:
-            yield Boost(within_degC=within, again_degC=again)
-
-
-def _short(distance_degC: float) -> float:
-    """Return a distance in three digits, as a single."""
-    return single(float(f"{distance_degC:.3g}"))
+__all__ = ["GainFamily", "GainPoint", "GainSearch", "RedesignSearch", "closed_on_runs", "find_passing_design"]
 
 
 #: shares of the way from Ms = 1 to the limit → times the optimum's TN, of the places that are tried first
@@ -222,6 +178,7 @@ _HELPS: Final = 0.9  # of the least badness so far: where a change leaves more, 
 _STEPS: Final = (0.24, 0.12, 0.06, 0.03)  # around the best place of a frame
 _MOST_PROOFS: Final = 3  # whole proofs in a frame
 _DEAR_PROOF: Final = 0.1  # of the budget of a search; one that passes takes several times what one takes that fails
+_SLOWER: Final = (1.0, 1.4, 2.0, 3.0)  # times the optimum's TN, with a slow setpoint ramp
 _HALVINGS: Final = 3  # of the way from the optimum to gains that pass
 
 
@@ -465,7 +422,7 @@ class RedesignSearch:
             wound = tuple(self.wound)
             if not self.dear and (wound or self._windup_alone):
                 found = (self.unwound(wound) or (self.calmed(wound) if wound else None)
-                         or self.unwound(wound, sooner=True))
+                         or self.unwound(wound, sooner=True) or (self.slowly_led(wound) if wound else None))
                 if found is not None:
                     return found
         if self.dear:
@@ -557,6 +514,38 @@ class RedesignSearch:
             self.progress(f"what passes winds up: trying {self.summary(whole) or 'other gains'}")
             if (found := self._unwinding(whole)) is not None:
                 return found
+        return None
+
+    def slowly_led(self, wound: Sequence[tuple[DesignChange, DesignResult]]) -> DesignResult | None:
+        """Return a design that passes with a setpoint ramp slower than the test sequence needs; None: none does.
+
+        A short open circuit or a restart leads to an overshoot that a slow ramp with a short holdback prevents: the
+        setpoint then waits near the reading. A larger TN adds up less meanwhile.
+
+        Args:
+            wound: as for `unwound`.
+        """
+        if not self.by_optimum or self.request.setpoint_ramp or not controller_for(self.request.target).has_ramp:
+            return None
+        frame = DesignChange(has_slow_ramp=True)
+        try:
+            inside = GainSearch(search=self, frame=frame)
+        except HeatertuneError:
+            return None
+        proof = wound[0][1].proof
+        self.screen = self.screen.with_nights(each.proof for _, each in wound)
+        self.progress(f"what passes winds up: trying {self.summary(frame)}")
+        for place in (replace(inside.family.place, factor=factor) for factor in _SLOWER):
+            try:
+                assessed, choice = inside.candidate(place)
+            except HeatertuneError:
+                continue
+            for words in slow_ramps(replace(proof, words=choice.words), self.fitted_model):
+                mended = None
+                if self.screen.keeps(words, inside.request.conditions):
+                    mended = self.prove_design(frame, (assessed, replace(choice, words=words)))
+                if mended is not None and not winds_up(mended.proof.diagnostics):
+                    return mended
         return None
 
     def _unwinding(self, frame: DesignChange) -> DesignResult | None:
