@@ -93,3 +93,11 @@ def test_a_power_that_never_rests_is_averaged_with_its_integral_and_its_large_mo
     held = np.diff(readings.edge_s, append=time[-1])
     assert held @ readings.level_pct == pytest.approx(power[:-1].sum(), rel=1e-9)
     assert 7322.0 in readings.edge_s
+
+
+def test_no_averaged_reading_reaches_into_the_one_before_beside_rows_that_are_missing():
+    time = np.delete(np.arange(900.0), [463, 540, 541, 700])
+    log = Log(name="gaps", source="made here", time_s=time, temperature_degC=20.0 + 0.01 * time, power_pct=np.full(len(time), 10.0))
+    readings = Readings.of(log).average(400)
+    ends, starts = readings.time_s + readings.half_s, readings.time_s - readings.half_s
+    assert (starts[1:] >= ends[:-1] - 1e-9).all()

@@ -478,10 +478,11 @@ def _surprises(
     least = float(np.sum((part.readings.temperature_degC - fit.simulated_degC) ** 2))
     normal = (_NORMAL / noise.quantile) ** 2  # a short half does not know its noise well
     surprises = {}
-    for name in set(values) & set(noise.deviation):
+    for name in (set(values) & set(noise.deviation)) - noise.unseen:
         scale, deviation = noise.inflation[name] * noise.variance, noise.deviation[name]
         if scale > 0.0:
-            apart = (float(held_squares(part, fit, name, np.array([values[name]]))[0]) - least) / scale
+            its, own = held_squares(part, fit, name, np.array([values[name], value_of(fit, name)])).tolist()
+            apart = (its - min(own, its) if name == PERIOD else its - least) / scale  # that search is a coarse one
             if not np.isfinite(apart):  # no model of the half has that value
                 apart = ((values[name] - value_of(fit, name)) / deviation) ** 2
             surprises[name] = max(apart, 0.0) * normal * _expected(deviation, whole.deviation[name])

@@ -74,9 +74,10 @@ class Readings:
         # each reading stands for its interval (midpoint rule), so a run reaches half an interval beyond its ends
         own = np.where(sizes > 1, (time[ends] - time[starts]) / np.maximum(sizes - 1, 1), 2.0 * self.half_s[starts])
         edges, levels = self._merged()
+        middle = np.add.reduceat(weight * time, starts) / total
         return replace(
-            self, edge_s=edges, level_pct=levels, time_s=np.add.reduceat(weight * time, starts) / total,
-            half_s=0.5 * own * sizes, temperature_degC=np.add.reduceat(weight * self.temperature_degC, starts) / total,
+            self, edge_s=edges, level_pct=levels, time_s=middle, half_s=_apart(middle, 0.5 * own * sizes),
+            temperature_degC=np.add.reduceat(weight * self.temperature_degC, starts) / total,
             averaged=self.averaged * count,
         )
 
@@ -100,6 +101,19 @@ class Readings:
         breaks[np.searchsorted(self.time_s, self.restart_s)] = True
         begun = np.maximum.accumulate(np.where(breaks, np.arange(n), 0))
         return np.flatnonzero((np.arange(n) - begun) % count == 0)
+
+
+def _apart(middle: Array, half: Array) -> Array:
+    """Return half the time of each reading, shorter where it would reach into the one before: none is a mean of both.
+
+    Args:
+        middle: of each reading, shape (m,) [s].
+        half: half the time that it stands for, shape (m,) [s].
+    """
+    half = half.copy()
+    for i in 1 + np.flatnonzero(np.diff(middle) < half[1:] + half[:-1]):
+        half[i] = max(0.0, min(half[i], middle[i] - middle[i - 1] - half[i - 1]))
+    return half
 
 
 #: time: middle of each reading, shape (m) [s]; half: half the time that it is the mean of, shape (m) [s];
