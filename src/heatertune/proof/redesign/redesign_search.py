@@ -527,26 +527,31 @@ class RedesignSearch:
         """
         if not self.by_optimum or self.request.setpoint_ramp or not controller_for(self.request.target).has_ramp:
             return None
-        frame = DesignChange(has_slow_ramp=True)
-        try:
-            inside = GainSearch(search=self, frame=frame)
-        except HeatertuneError:
-            return None
-        proof = wound[0][1].proof
         self.screen = self.screen.with_nights(each.proof for _, each in wound)
-        self.progress(f"what passes winds up: trying {self.summary(frame)}")
-        for place in (replace(inside.family.place, factor=factor) for factor in _SLOWER):
-            try:
-                assessed, choice = inside.candidate(place)
-            except HeatertuneError:
-                continue
-            for words in slow_ramps(replace(proof, words=choice.words), self.fitted_model):
-                mended = None
-                if self.screen.keeps(words, inside.request.conditions):
-                    mended = self.prove_design(frame, (assessed, replace(choice, words=words)))
+        led = DesignChange(has_slow_ramp=True)
+        frames = dict.fromkeys(replace(before, has_ramp=False, has_boost=False).with_(led) for before, _ in wound)
+        for frame in frames:
+            self.progress(f"what passes winds up: trying {self.summary(frame)}")
+            for trial in self._slow_ramps(frame, wound[0][1].proof):
+                mended = self.prove_design(frame, trial)
                 if mended is not None and not winds_up(mended.proof.diagnostics):
                     return mended
         return None
+
+    def _slow_ramps(self, frame: DesignChange, proof: Proof) -> Iterator[Candidate]:
+        """Yield designs that keep every limit in the runs that were failed, with slow ramps and ever larger TN."""
+        try:
+            inside = GainSearch(search=self, frame=frame)
+        except HeatertuneError:
+            return
+        for factor in _SLOWER:
+            try:
+                assessed, choice = inside.candidate(replace(inside.family.place, factor=factor))
+            except HeatertuneError:
+                continue
+            for words in slow_ramps(replace(proof, words=choice.words), self.fitted_model):
+                if self.screen.keeps(words, inside.request.conditions):
+                    yield assessed, replace(choice, words=words)
 
     def _unwinding(self, frame: DesignChange) -> DesignResult | None:
         """Return the cheapest gains that pass within a frame and do not wind up; None where none do."""
@@ -660,7 +665,7 @@ class RedesignSearch:
     def prove_design(self, frame: DesignChange, trial: Candidate, boost: Boost | None = None) -> DesignResult | None:
         """Return a design with its price where it passes; else the runs that it fails are watched."""
         asked, by = self.request_within(frame), trial[1]
-        trial = trial[0], replace(by, words=by.words.with_boost(boost))
+        trial = trial[0], by if frame.has_slow_ramp else replace(by, words=by.words.with_boost(boost))
         plain = self.first.proof if asked.conditions == self.first.conditions else None
         try:
             tried = plainly(self.fitted_model, asked, candidate=trial, plain=plain, text=False, progress=self.progress)
