@@ -150,7 +150,7 @@ def test_the_command_records_what_the_librarys_own_client_publishes(broker, tmp_
     thread.start()
     try:
         status = main(["record", f"mqtt://127.0.0.1:{broker.port}", "--map", str(tmp_path / "kiln.toml"), "-o", str(tmp_path / "log.csv"),
-                       "--interval", "0.01", "--duration", "0.4", "--quiet"])
+                       "--interval", "0.01", "--duration", "2", "--quiet"])
     finally:
         done.set()
         thread.join()

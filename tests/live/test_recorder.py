@@ -81,7 +81,7 @@ def test_each_row_is_a_scan_of_the_simulation(served, heater, words, places, tmp
 @pytest.mark.long
 @pytest.mark.parametrize("protocol", PROTOCOLS[2:])
 def test_each_row_of_a_slower_protocol_is_a_scan_of_the_simulation(served, heater, words, places, tmp_path, protocol):
-    plc = served(serve=protocol, intervals=60, step=False, rate=80.0)  # a scan in 50 milliseconds
+    plc = served(serve=protocol, intervals=60, step=False, rate=40.0)  # a scan in 100 milliseconds
     record(way(plc, protocol), tmp_path / "log.csv", places, RecordingSetup(timeout_s=10.0), ended=Until(plc))
     rows = rows_of(tmp_path / "log.csv")
     assert len(rows) > 10
@@ -399,7 +399,7 @@ def test_a_comment_that_somebody_adds_stays_and_rows_of_another_recorder_end_it(
                     file.write(text)
         return shown
 
-    recorded = record(way(plc, "s7"), path, places, RecordingSetup(for_s=300.0), shown=add("# door opened\n", 20))
+    recorded = record(way(plc, "s7"), path, places, RecordingSetup(for_s=4000.0), shown=add("# door opened\n", 20))
     assert not recorded.notes
     assert "# door opened\n" in path.read_text()
     assert len(read_log(path).time_s) == recorded.rows

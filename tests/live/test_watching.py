@@ -169,8 +169,8 @@ def monitor(folder):
 @pytest.mark.parametrize(("faults", "alarms"), [
     ([], set()), (["t=600 heater-open"], {"falls although heated", "heats too slowly"}), (["t=600 sensor-off"], {"sensor gone"})])
 def test_a_monitor_beside_the_watch_sees_a_fault_and_trips_for_nothing_else(folder, monitor, tmp_path, capsys, faults, alarms):
-    # the virtual PLC at 200 times its speed: a scan of 3.1 s each 16 ms, so that nearly each is looked at
-    with virtual_plc(folder, faults=faults, step=False, rate=200.0, intervals=4000) as plc:
+    # the virtual PLC at 100 times its speed: a scan of 3.1 s each 31 ms, so that nearly each is looked at
+    with virtual_plc(folder, faults=faults, step=False, rate=100.0, intervals=4000) as plc:
         status = main(["watch", way(plc, "s7").text, "--design", str(folder), "--monitor", str(monitor), "--duration", "900",
                        "-o", str(tmp_path / "log.csv"), "--quiet", "--json"])
     seen = json.loads(capsys.readouterr().out)["monitor"]
