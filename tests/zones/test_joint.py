@@ -28,7 +28,7 @@ def separate(gains, times, target="s7-300", interval_s=4.0):
     designs = tuple(PidDesign(gain_pct_per_degC=gain, integral_time_s=time, derivative_time_s=0.0, sample_time_s=interval_s,
                               structure="pi", method="given") for gain, time in zip(gains, times, strict=True))
     words = tuple(encode(design, target) for design in designs)
-    return JointDesign(designs=designs, words=words, ms_zone=1.6, joint_ms=1.0, alone_ms=1.0, radius=0.9)
+    return JointDesign(designs=designs, words=words, ms_zones=(1.6,) * len(designs), joint_ms=1.0, alone_ms=1.0, radius=0.9)
 
 
 @pytest.mark.parametrize("target", ["s7-300", "s5-ob251"])
