@@ -194,8 +194,9 @@ class JointProof:
         zones = self.fitted.network.zones
         lines = [f"{self.verdict}: {len(zones)} zones together at "
                  f"{', '.join(f'{each:g}' for each in self.specification.setpoints_degC)} °C in {len(self.runs)} runs"]
-        lines += [f"not kept: {each.name} {each.value:.4g}, limit {each.limit:.4g} ({each.where}{_allowing(each)})"
-                  for each in self.criteria if not each.ok]
+        broken = sorted((each for each in self.criteria if not each.ok), key=lambda criterion: criterion.cause >= 0)
+        lines += [f"not kept: {each.name} {each.value:.4g}, limit {each.limit:.4g} ({each.where}{_allowing(broken)})"
+                  for each in broken]
         for each in self.blocking:
             remedy = _REMEDIES.get(each.name) or remedy_of(each.name, [])
             lines.append(f"not proven ({each.name}): {each.message}; {remedy}, or --accept {each.name}")
@@ -276,11 +277,11 @@ def design_zones(
     return prove(min(proofs, key=_strain).design)
 
 
-def _allowing(criterion: JointCriterion) -> str:
-    """Return the option that allows what a neighbour's deviation is; "" for other criteria."""
-    if criterion.name != _DEVIATION_NAME:
+def _allowing(broken: Sequence[JointCriterion]) -> str:
+    """Return the option that allows a neighbour's deviation; "" where that is not all that is broken."""
+    if [each.name for each in broken] != [_DEVIATION_NAME]:
         return ""
-    return f"; --neighbour-deviation {math.ceil(10.0 * criterion.value + 1e-6) / 10.0:g} allows it"
+    return f"; --neighbour-deviation {math.ceil(10.0 * broken[0].value + 1e-6) / 10.0:g} allows it"
 
 
 def _strain(proof: JointProof) -> float:
@@ -451,11 +452,16 @@ class _Prover:
         """Return the criteria that need no run: margins, and the power that holds the setpoints."""
         design, where = self.design, "all plausible networks"
         most, least = max(map(np.max, powers_pct)), min(map(np.min, powers_pct))
+        held = where
+        if most > 100.0 - RESERVE_PCT:
+            zone = self.zones[int(np.argmax(max(powers_pct, key=np.max)))]
+            wide = float(np.max(powers_pct[0])) <= 100.0 - RESERVE_PCT  # the best fit can hold them
+            held += f", zone {zone}: lower its setpoint{', or log longer steps of its power' if wide else ''}"
         criteria = [
             JointCriterion(name="largest singular value of S", value=design.joint_ms, limit=JOINT_MS, where=where),
             JointCriterion(name="Ms of a zone alone", value=design.alone_ms, limit=JOINT_MS, where=where),
             JointCriterion(name="power to hold the setpoints [%]", value=float(most), limit=100.0 - RESERVE_PCT,
-                           where=where)]
+                           where=held)]
         if least < 0.0:
             zone = self.zones[int(np.argmin(min(powers_pct, key=np.min)))]
             criteria.append(JointCriterion(
