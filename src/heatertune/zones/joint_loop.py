@@ -104,7 +104,7 @@ class JointTrace:
         time_s: instants of the scans, shape (K,) [s].
         temperatures_degC, powers_pct: at the scans, shape (K, n); the powers are those asked for.
         setpoints_degC: shape (K, n).
-        pulses: (zone, begin [s], end [s]) of each pulse of the switches.
+        pulses: zone, begin [s] and end [s] of each pulse of the switches, zone after zone, shape (p, 3).
         readings: what each controller was given, in its units, shape (K, n).
         highest_degC, lowest_degC: from each scan up to the next one, shape (K, n).
         overflows: how often a controller set a flag of an overflow.
@@ -114,7 +114,7 @@ class JointTrace:
     temperatures_degC: Array
     powers_pct: Array
     setpoints_degC: Array
-    pulses: tuple[tuple[int, float, float], ...]
+    pulses: Array
     readings: Array
     highest_degC: Array
     lowest_degC: Array
@@ -122,7 +122,7 @@ class JointTrace:
 
     def heaters_on(self, from_s: float = 0.0) -> tuple[Array, Array]:
         """Return the instants from one on at which a heater is switched, and how many are on then, shape (m,)."""
-        pulses = np.array([pulse for pulse in self.pulses if pulse[2] > from_s]).reshape(-1, 3)
+        pulses = self.pulses[self.pulses[:, 2] > from_s]
         if not len(pulses):
             return np.zeros(0), np.zeros(0)
         instants, steps = np.concatenate([pulses[:, 1], pulses[:, 2]]), np.repeat([1.0, -1.0], len(pulses))
@@ -154,11 +154,12 @@ def run_zones(
     noise = np.random.default_rng(seed).normal(0.0, noise_degC, shape) if noise_degC else np.zeros((1, shape[1]))
     out = JointArrays(*(np.zeros(shape) for _ in JointArrays._fields))
     controllers.run(sorted(events), loop.sample_time_s, _network(loop, network), noise, memory, out)
-    pulses = [(zone, *pulse) for zone, count in enumerate(memory.pulses)
-              for pulse in np.stack([memory.pulse_begin[zone, :count], memory.pulse_end[zone, :count]], 1).tolist()]
+    pulses = np.concatenate([
+        np.column_stack([np.full(count, zone), memory.pulse_begin[zone, :count], memory.pulse_end[zone, :count]])
+        for zone, count in enumerate(memory.pulses)])
     return JointTrace(
         time_s=np.arange(scans, dtype=np.float64) * loop.sample_time_s, temperatures_degC=out.temperatures,
-        powers_pct=out.powers, setpoints_degC=out.setpoints, pulses=tuple(pulses), readings=out.readings,
+        powers_pct=out.powers, setpoints_degC=out.setpoints, pulses=pulses, readings=out.readings,
         highest_degC=out.highest, lowest_degC=out.lowest, overflows=int(memory.overflows[0]))
 
 

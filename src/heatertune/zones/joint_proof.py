@@ -47,6 +47,8 @@ _DECAY: Final = 200.0  # the loop has settled where its slowest motion is so man
 _BEYOND: Final = 1.1  # times the logged rise that a setpoint may be above the ambient
 _IDLE_PCT: Final = 1.0  # power that a zone needs at least to hold its setpoint
 _NOT_TESTED: Final = ("a sensor that breaks", "mains that change while the zones run", "a setpoint profile")
+#: criteria of the setpoints alone
+_UNHELD: Final = ("power to hold the setpoints [%]", "cooling that a zone would need [%]")
 _RIPPLE: Final = 0.2  # of the tolerance, peak to peak: so much is left to the PWM
 _COOLS: Final = 3.0  # time constants in which an overheated zone cools down
 _STEPS: Final = ("log a step of each zone's power, one after the other, each until all temperatures are steady, with "
@@ -261,6 +263,8 @@ def design_zones(
         proofs.append(prove(design, up_to_failure=True))
         if proofs[-1].verdict != "FAIL":
             return proofs[-1]
+        if any(each.name in _UNHELD and not each.ok for each in proofs[-1].criteria):
+            return prove(design)  # which no tuning mends
     if not proofs:
         raise InputError(f"no {structure} of {target} keeps Ms {JOINT_MS:g} on all plausible networks: log longer "
                          "steps of each zone's power, which narrows the intervals")
@@ -460,12 +464,12 @@ class _Prover:
         criteria = [
             JointCriterion(name="largest singular value of S", value=design.joint_ms, limit=JOINT_MS, where=where),
             JointCriterion(name="Ms of a zone alone", value=design.alone_ms, limit=JOINT_MS, where=where),
-            JointCriterion(name="power to hold the setpoints [%]", value=float(most), limit=100.0 - RESERVE_PCT,
+            JointCriterion(name=_UNHELD[0], value=float(most), limit=100.0 - RESERVE_PCT,
                            where=held)]
         if least < 0.0:
             zone = self.zones[int(np.argmin(min(powers_pct, key=np.min)))]
             criteria.append(JointCriterion(
-                name="cooling that a zone would need [%]", value=-float(least), limit=0.0,
+                name=_UNHELD[1], value=-float(least), limit=0.0,
                 where=f"zone {zone}: its neighbours heat it beyond its setpoint; raise it, or lower theirs"))
         return criteria
 
