@@ -69,13 +69,15 @@ class ZoneMemory(NamedTuple):
         z, target, offset: modes of the network, where they tend to, and their distance from there at the last
             switching, shape (m,).
         heat, load: power of each zone's heater now and load, shape (n,) [%].
-        asked: setpoint, shape (n,) [°C].
-        power: asked for by the controller, shape (n,) [%].
-        owed, begin, origin: of each PWM: carried, begin of the next period and of the first, shape (n,) [s].
-        is_on, command, broken: of each zone: whether its controller runs, how it starts next, and 0 or the kind of
+        setpoint: shape (n,) [°C].
+        power: that the controller demands, shape (n,) [%].
+        carry, begin, origin: of each PWM: on time carried over, begin of the next period and of the first, shape (n,)
+            [s].
+        is_on, command, fault: of each zone: whether its controller runs, how it starts next, and 0 or the kind of
             event that broke its circuit, shape (n,).
-        periods, made, arrived, pulses: counts of each zone: PWM periods, edges made and arrived, pulses, shape (n,).
-        edges: instants at which they arrive, on and off in turn, shape (n, e) [s].
+        period_counts, edge_counts, arrival_counts, pulse_counts: of each zone: PWM periods, edges, edges that reached
+            the heater, pulses, shape (n,).
+        edges: instants at which they arrive, on and off in turn, one place more than edges, shape (n, e) [s].
         pulse_begin, pulse_end: at the switch, shape (n, p) [s].
         overflows: how often a controller set a flag of an overflow, shape (1,).
     """
@@ -85,18 +87,18 @@ class ZoneMemory(NamedTuple):
     offset: Places
     heat: Places
     load: Places
-    asked: Places
+    setpoint: Places
     power: Places
-    owed: Places
+    carry: Places
     begin: Places
     origin: Places
     is_on: Places
     command: Places
-    broken: Places
-    periods: Places
-    made: Places
-    arrived: Places
-    pulses: Places
+    fault: Places
+    period_counts: Places
+    edge_counts: Places
+    arrival_counts: Places
+    pulse_counts: Places
     edges: Places
     pulse_begin: Places
     pulse_end: Places
@@ -190,7 +192,7 @@ def scan_zone(  # noqa: PLR0913 - as `scan_zones`
 def _happen(memory: ZoneMemory, dead_s: Places, words: ZoneWords, events: ZoneEvents, number: int, now: float) -> None:
     kind, zone = events.kind[number], events.zone[number]
     if kind == _SETPOINT:
-        memory.asked[zone], words.now[zone] = events.value[number], words.of_event[number]
+        memory.setpoint[zone], words.now[zone] = events.value[number], words.of_event[number]
     elif kind == _LOAD:
         memory.load[zone] = events.value[number]
     elif kind == _RESTART:
@@ -204,11 +206,13 @@ def _happen(memory: ZoneMemory, dead_s: Places, words: ZoneWords, events: ZoneEv
 
 def _break_circuit(memory: ZoneMemory, dead_s: float, zone: int, kind: int, now: float) -> None:
     """Open or close the heater's circuit, or let its relay stick; edges made beyond the instant are taken back."""
-    memory.broken[zone] = 0 if kind == _CLOSED else kind
-    while memory.made[zone] > memory.arrived[zone] and memory.edges[zone, memory.made[zone] - 1] - dead_s > now:
-        memory.made[zone] -= 1
+    memory.fault[zone] = 0 if kind == _CLOSED else kind
+    edges = memory.edges[zone]
+    while (memory.edge_counts[zone] > memory.arrival_counts[zone]
+           and edges[memory.edge_counts[zone] - 1] - dead_s > now):
+        memory.edge_counts[zone] -= 1
     _edge(memory, dead_s, zone, now, kind == _STUCK)
-    last = memory.pulses[zone] - 1
+    last = memory.pulse_counts[zone] - 1
     if kind != _CLOSED and last >= 0 and memory.pulse_end[zone, last] > now:
         memory.pulse_end[zone, last] = now
 
@@ -219,24 +223,24 @@ def _switch(
     """Make the edges of a zone's PWM periods that begin before an instant."""
     while memory.begin[zone] < before - INSTANT_S:
         begin = memory.begin[zone]
-        on, memory.owed[zone] = on_time(max(memory.power[zone], 0.0), memory.owed[zone], pwm)
-        if memory.broken[zone] == 0:
+        on, memory.carry[zone] = on_time(max(memory.power[zone], 0.0), memory.carry[zone], pwm)
+        if memory.fault[zone] == 0:
             if on > 0.0:
-                place = memory.pulses[zone]
+                place = memory.pulse_counts[zone]
                 memory.pulse_begin[zone, place], memory.pulse_end[zone, place] = begin, begin + on
-                memory.pulses[zone] = place + 1
+                memory.pulse_counts[zone] = place + 1
                 _edge(memory, dead_s, zone, begin, True)
             if on < pwm[0]:
                 _edge(memory, dead_s, zone, begin + on, False)
-        memory.periods[zone] += 1
-        memory.begin[zone] = memory.origin[zone] + memory.periods[zone] * pwm[0]
+        memory.period_counts[zone] += 1
+        memory.begin[zone] = memory.origin[zone] + memory.period_counts[zone] * pwm[0]
 
 
 def _edge(memory: ZoneMemory, dead_s: float, zone: int, instant: float, is_on: bool) -> None:
     """Switch a heater, if it is not so already."""
-    if (memory.made[zone] % 2 == 1) != is_on:
-        memory.edges[zone, memory.made[zone]] = instant + dead_s
-        memory.made[zone] += 1
+    if (memory.edge_counts[zone] % 2 == 1) != is_on:
+        memory.edges[zone, memory.edge_counts[zone]] = instant + dead_s
+        memory.edge_counts[zone] += 1
 
 
 def _measure_all(memory: ZoneMemory, network: NetworkArrays, out: JointArrays, k: int) -> None:
@@ -246,7 +250,7 @@ def _measure_all(memory: ZoneMemory, network: NetworkArrays, out: JointArrays, k
         for mode in range(len(memory.z)):
             temperature += (network.outputs[zone, mode] * memory.z[mode]).real
         out.temperatures[k, zone] = out.highest[k, zone] = out.lowest[k, zone] = temperature
-        out.setpoints[k, zone] = memory.asked[zone]
+        out.setpoints[k, zone] = memory.setpoint[zone]
 
 
 def _heat(memory: ZoneMemory, network: NetworkArrays, out: JointArrays, k: int, now: float, until: float) -> None:
@@ -257,11 +261,11 @@ def _heat(memory: ZoneMemory, network: NetworkArrays, out: JointArrays, k: int, 
             memory.target[mode] += network.shifts[mode, zone] * (memory.heat[zone] - memory.load[zone])
     zone = _first(memory, until)
     while zone >= 0:
-        instant = max(memory.edges[zone, memory.arrived[zone]], now)
+        instant = max(memory.edges[zone, memory.arrival_counts[zone]], now)
         _advance(memory, network, out, k, instant - now)
-        change = (0.0 if memory.arrived[zone] % 2 == 1 else 100.0) - memory.heat[zone]
+        change = (0.0 if memory.arrival_counts[zone] % 2 == 1 else 100.0) - memory.heat[zone]
         memory.heat[zone] += change
-        memory.arrived[zone] += 1
+        memory.arrival_counts[zone] += 1
         for mode in range(len(memory.z)):
             memory.target[mode] += network.shifts[mode, zone] * change
         now, zone = instant, _first(memory, until)
@@ -272,8 +276,9 @@ def _first(memory: ZoneMemory, until: float) -> int:
     """Return the zone whose heater is switched next, -1 if no heater is before an instant."""
     first, earliest = -1, until
     for zone in range(len(memory.heat)):
-        if memory.arrived[zone] < memory.made[zone] and memory.edges[zone, memory.arrived[zone]] < earliest:
-            first, earliest = zone, memory.edges[zone, memory.arrived[zone]]
+        instant = memory.edges[zone, memory.arrival_counts[zone]]
+        if memory.arrival_counts[zone] < memory.edge_counts[zone] and instant < earliest:
+            first, earliest = zone, instant
     return first
 
 

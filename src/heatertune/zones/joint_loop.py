@@ -156,7 +156,7 @@ def run_zones(
     controllers.run(sorted(events), loop.sample_time_s, _network(loop, network), noise, memory, out)
     pulses = np.concatenate([
         np.column_stack([np.full(count, zone), memory.pulse_begin[zone, :count], memory.pulse_end[zone, :count]])
-        for zone, count in enumerate(memory.pulses)])
+        for zone, count in enumerate(memory.pulse_counts)])
     return JointTrace(
         time_s=np.arange(scans, dtype=np.float64) * loop.sample_time_s, temperatures_degC=out.temperatures,
         powers_pct=out.powers, setpoints_degC=out.setpoints, pulses=pulses, readings=out.readings,
@@ -230,11 +230,12 @@ def _memory(loop: ZoneLoop, network: ThermalNetwork, periods: int, edges: int) -
     count, modes = len(loop.words), network.modes
     states = np.concatenate([network.steady_degC([0.0] * count), np.zeros(len(modes.elements))])
     z, offsets = (modes.inverse @ states).astype(np.complex128), np.array(loop.offsets_s, dtype=np.float64)
-    heat, load, power, owed = np.zeros((4, count))
-    is_on, command, broken, switched, made, arrived, pulses = np.zeros((7, count), dtype=np.int64)
+    heat, load, power, carry = np.zeros((4, count))
+    is_on, command, fault, period_counts, edge_counts, arrival_counts, pulse_counts = np.zeros(
+        (7, count), dtype=np.int64)
     return ZoneMemory(
-        z=z, target=np.zeros_like(z), offset=np.zeros_like(z), heat=heat, load=load, asked=np.full(count, np.nan),
-        power=power, owed=owed, begin=offsets.copy(), origin=offsets, is_on=is_on, command=command, broken=broken,
-        periods=switched, made=made, arrived=arrived, pulses=pulses, edges=np.zeros((count, edges)),
-        pulse_begin=np.zeros((count, periods)), pulse_end=np.zeros((count, periods)),
+        z=z, target=np.zeros_like(z), offset=np.zeros_like(z), heat=heat, load=load, setpoint=np.full(count, np.nan),
+        power=power, carry=carry, begin=offsets.copy(), origin=offsets, is_on=is_on, command=command, fault=fault,
+        period_counts=period_counts, edge_counts=edge_counts, arrival_counts=arrival_counts, pulse_counts=pulse_counts,
+        edges=np.zeros((count, edges)), pulse_begin=np.zeros((count, periods)), pulse_end=np.zeros((count, periods)),
         overflows=np.zeros(1, dtype=np.int64))
