@@ -155,7 +155,21 @@ def scan_zones(  # noqa: PLR0913 - as `run_joint`
     controllers: Any, cold: Any, states: Any, words: ZoneWords, overflow: int, noise: Places, memory: ZoneMemory,
     out: JointArrays, zone: int, k: int, now: float,
 ) -> Any:
-    """Scan a zone and those behind it; return their states."""
+    """Scan a zone and those behind it; return their states.
+
+    Args:
+        controllers: parameters and sensor of each of these zones, nested.
+        cold: state of each after it was switched on, nested.
+        states: of each, nested.
+        words: setpoints.
+        overflow: bit of the flag.
+        noise: of the readings, shape (n,) [°C].
+        memory: of the loop.
+        out: places for the trace.
+        zone: number of the first zone.
+        k: number of the scan.
+        now: its instant [s].
+    """
     first = scan_zone(controllers[0], cold[0], states[0], words, overflow, noise, memory, out, zone, k, now)
     return first, other_zones(controllers[1], cold[1], states[1], words, overflow, noise, memory, out, zone + 1, k, now)
 
@@ -172,7 +186,21 @@ def scan_zone(  # noqa: PLR0913 - as `scan_zones`
     controller: Any, cold: Any, state: Any, words: ZoneWords, overflow: int, noise: Places, memory: ZoneMemory,
     out: JointArrays, zone: int, k: int, now: float,
 ) -> Any:
-    """Scan a zone if its controller runs; return its state."""
+    """Scan a zone if its controller runs; return its state.
+
+    Args:
+        controller: parameters and sensor.
+        cold: state after it was switched on.
+        state: its own.
+        words: setpoints.
+        overflow: bit of the flag.
+        noise: of the readings, shape (n,) [°C].
+        memory: of the loop.
+        out: places for the trace.
+        zone: number of the zone.
+        k: number of the scan.
+        now: its instant [s].
+    """
     if memory.command[zone] == _COLD:
         state = cold_state(controller[0], cold)
     if memory.command[zone] == _WARM:
