@@ -7,31 +7,42 @@ period begins holds for that period, as in `heatertune.proof.kernel`; each PWM m
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
-from typing import Any, Final, NamedTuple
+from functools import cache
+from typing import Any, Final, NamedTuple, cast
 
 import numpy as np
 
 from heatertune.arrays import Array
+from heatertune.compiled import bound, compile_function, worth_compiling
 from heatertune.errors import InputError
 from heatertune.plc import controller_for
-from heatertune.plc.pwm import INSTANT_S, Actuator, on_time
+from heatertune.plc.core import StepFunctions
+from heatertune.plc.pwm import INSTANT_S, Actuator
+from heatertune.plc.single_precision import to_single
 from heatertune.plc.words import Words
 from heatertune.proof.loop import actuator_of, in_loop
-from heatertune.zones.network import Modes, ThermalNetwork
+from heatertune.zones.joint_kernel import (
+    KINDS,
+    JointArrays,
+    NetworkArrays,
+    ZoneEvents,
+    ZoneMemory,
+    ZoneWords,
+    run_joint,
+    scan_zone,
+    scan_zones,
+)
+from heatertune.zones.network import ThermalNetwork
 
 __all__ = ["JointTrace", "ZoneEvent", "ZoneLoop", "run_zones"]
 
-#: what may happen to a zone: its value is the setpoint [°C] or the load [% of its power]; a zone that is off is started
-#: again from cold; a broken sensor is not among them: every program puts such a zone off
-KINDS: Final = ("setpoint", "load", "off", "on", "open", "closed", "stuck", "restart")
+_MOST_PLAIN: Final = 20_000  # scans of all zones that take as long as to compile the kernel
 
 
 class ZoneEvent(NamedTuple):
-    """What happens to a zone at the first scan from an instant on; see `KINDS`.
+    """What happens to a zone at the first scan from an instant on; see `heatertune.zones.joint_kernel.KINDS`.
 
     Attributes:
         time_s: [s].
@@ -93,9 +104,9 @@ class JointTrace:
         time_s: instants of the scans, shape (K,) [s].
         temperatures_degC, powers_pct: at the scans, shape (K, n); the powers are those asked for.
         setpoints_degC: shape (K, n).
-        pulses: (zone, begin [s], end [s]) of each pulse of the switches.
+        pulses: zone, begin [s] and end [s] of each pulse of the switches, zone after zone, shape (p, 3).
         readings: what each controller was given, in its units, shape (K, n).
-        highest_degC, lowest_degC: at each scan, and at each switching up to the next one, shape (K, n).
+        highest_degC, lowest_degC: from each scan up to the next one, shape (K, n).
         overflows: how often a controller set a flag of an overflow.
     """
 
@@ -103,7 +114,7 @@ class JointTrace:
     temperatures_degC: Array
     powers_pct: Array
     setpoints_degC: Array
-    pulses: tuple[tuple[int, float, float], ...]
+    pulses: Array
     readings: Array
     highest_degC: Array
     lowest_degC: Array
@@ -111,85 +122,14 @@ class JointTrace:
 
     def heaters_on(self, from_s: float = 0.0) -> tuple[Array, Array]:
         """Return the instants from one on at which a heater is switched, and how many are on then, shape (m,)."""
-        edges = sorted([(begin, 1) for _, begin, end in self.pulses if end > from_s]
-                       + [(end, -1) for _, _, end in self.pulses if end > from_s])
-        if not edges:
+        pulses = self.pulses[self.pulses[:, 2] > from_s]
+        if not len(pulses):
             return np.zeros(0), np.zeros(0)
-        instants, steps = np.array(edges).T
+        instants, steps = np.concatenate([pulses[:, 1], pulses[:, 2]]), np.repeat([1.0, -1.0], len(pulses))
+        order = np.lexsort((steps, instants))
+        instants, steps = instants[order], steps[order]
         places = np.flatnonzero(np.diff(instants, append=math.inf) > INSTANT_S)  # one instant: one step
         return instants[places], np.cumsum(steps)[places]
-
-
-class _Zone:
-    """One zone's controller, switch and what is on its way to the heater."""
-
-    def __init__(self, loop: ZoneLoop, number: int, switches: Mapping[str, str], dead_s: float) -> None:
-        words = loop.words[number]
-        controller = controller_for(words.target)
-        core = in_loop(controller, words, [words.scaling.low_degC], switches, direct=True)
-        self.core, self.parameters, self.sensor = core.core, core.parameters, core.sensor
-        self.cold = core.state
-        self.state = core.core.cold_start(core.parameters, core.core.own(core.state))
-        actuator = actuator_of(core, loop.actuator)
-        self.pwm, self.period = actuator.numbers, actuator.pwm_period_s
-        self.measure: Callable[[float], Any] = partial(controller.measure, words)
-        self.begin, self.periods, self.origin = loop.offsets_s[number], 0, loop.offsets_s[number]
-        self.owed, self.dead = 0.0, dead_s
-        self.is_on = self.is_open = self.is_stuck = False
-        self.electric = False  # whether the heater gets power now, as far as edges were made
-        self.arriving: deque[tuple[float, bool]] = deque()
-        self.power = 0.0
-        self.word: Any = None
-
-    def start(self, *, on: bool) -> None:
-        """Switch the controller on, from cold, or off."""
-        self.is_on, self.power = on, 0.0
-        self.state = self.core.cold_start(self.parameters, self.core.own(self.cold))
-
-    def break_circuit(self, kind: str, now: float) -> None:
-        """Open or close the heater's circuit, or let its relay stick."""
-        self.is_open, self.is_stuck = kind == "open", kind == "stuck"
-        self.force(now, level=self.is_stuck)
-
-    def restart(self) -> None:
-        """Start the PLC up again."""
-        self.state = self.core.warm_start(self.parameters, self.cold, self.state)
-
-    def scan(self, temperature_degC: float, now: float) -> tuple[float, int]:
-        """Run one scan; return the reading and whether an overflow was flagged."""
-        reading = self.core.measure(self.sensor, temperature_degC)
-        begins = self.begin <= now + INSTANT_S
-        self.state, power, _, flags = self.core.step(self.parameters, self.state, self.word, reading, begins)
-        self.power = 0.0 if math.isnan(power) else power
-        return reading, int(bool(flags and "overflow" in self.core.flags
-                                 and flags >> self.core.flags.index("overflow") & 1))
-
-    def switch(self, before: float, pulses: list[list[float]], number: int) -> None:
-        """Make the edges of the periods that begin before an instant."""
-        while self.begin < before - INSTANT_S:
-            power = self.power if self.is_on else 0.0
-            on, self.owed = on_time(max(power, 0.0), self.owed, self.pwm)
-            if not (self.is_open or self.is_stuck):
-                if on > 0.0:
-                    pulses.append([number, self.begin, self.begin + on])
-                    self.edge(self.begin, level=True)
-                if on < self.period:
-                    self.edge(self.begin + on, level=False)
-            self.periods += 1
-            self.begin = self.origin + self.periods * self.period
-
-    def edge(self, instant: float, *, level: bool) -> None:
-        """Switch the heater, if it is not so already."""
-        if level != self.electric:
-            self.arriving.append((instant + self.dead, level))
-            self.electric = level
-
-    def force(self, instant: float, *, level: bool) -> None:
-        """Set the heater's power from outside, and take back edges that were made beyond the instant."""
-        while self.arriving and self.arriving[-1][0] - self.dead > instant:
-            _, last = self.arriving.pop()
-            self.electric = not last
-        self.edge(instant, level=level)
 
 
 def run_zones(
@@ -207,99 +147,95 @@ def run_zones(
         noise_degC: standard deviation of the readings' noise [°C].
         seed: of the noise.
     """
-    words = loop.words[0]
-    late = controller_for(words.target).delayed_s(words.scaling)
-    count, interval = len(loop.words), loop.sample_time_s
-    zones = [_Zone(loop, number, switches or {}, network.dead_times_s[number] + late) for number in range(count)]
-    modes, scans = network.modes, int(duration_s / interval) + 1
-    rest = network.steady_degC([0.0] * count)
-    z = modes.inverse @ np.concatenate([rest, np.zeros(len(modes.elements))])
-    noise = np.random.default_rng(seed).normal(0.0, noise_degC, (scans, count)) if noise_degC else np.zeros((1, count))
-    temperatures, powers = np.empty((scans, count)), np.zeros((scans, count))
-    setpoints, readings = np.full((scans, count), np.nan), np.zeros((scans, count))
-    highest, lowest = np.empty((scans, count)), np.empty((scans, count))
-    load, heat = np.zeros(count), np.zeros(count)
-    asked = np.full(count, np.nan)
-    pulses: list[list[float]] = []
-    waiting, overflows = deque(sorted(events)), 0
-    for k in range(scans):
-        now = k * interval
-        while waiting and waiting[0].time_s <= now + INSTANT_S:
-            _happen(waiting.popleft(), now, zones, asked, load, pulses)
-        temperatures[k] = (modes.outputs @ z).real
-        seen = temperatures[k] + noise[k % len(noise)]
-        for number, zone in enumerate(zones):
-            if zone.is_on:
-                readings[k, number], over = zone.scan(float(seen[number]), now)
-                overflows += over
-                powers[k, number] = zone.power
-            zone.switch(now + interval, pulses, number)
-        setpoints[k] = asked
-        z, between = _switched(modes, z, heat, load, _arriving(zones, now + interval), now, now + interval)
-        highest[k], lowest[k] = between.max(axis=0, initial=-np.inf), between.min(axis=0, initial=np.inf)
-    highest, lowest = np.maximum(highest, temperatures), np.minimum(lowest, temperatures)
+    controllers, scans = _Controllers(loop, switches or {}), int(duration_s / loop.sample_time_s) + 1
+    periods = math.ceil((scans + 1) * loop.sample_time_s / controllers.pwm[0]) + 2
+    memory = _memory(loop, network, periods, 2 * periods + len(events))
+    shape = scans, len(loop.words)
+    noise = np.random.default_rng(seed).normal(0.0, noise_degC, shape) if noise_degC else np.zeros((1, shape[1]))
+    out = JointArrays(*(np.zeros(shape) for _ in JointArrays._fields))
+    controllers.run(sorted(events), loop.sample_time_s, _network(loop, network), noise, memory, out)
+    pulses = np.concatenate([
+        np.column_stack([np.full(count, zone), memory.pulse_begin[zone, :count], memory.pulse_end[zone, :count]])
+        for zone, count in enumerate(memory.pulse_counts)])
     return JointTrace(
-        time_s=np.arange(scans, dtype=np.float64) * interval, temperatures_degC=temperatures, powers_pct=powers,
-        setpoints_degC=setpoints, pulses=tuple((int(zone), begin, end) for zone, begin, end in pulses),
-        readings=readings, highest_degC=highest, lowest_degC=lowest, overflows=overflows)
+        time_s=np.arange(scans, dtype=np.float64) * loop.sample_time_s, temperatures_degC=out.temperatures,
+        powers_pct=out.powers, setpoints_degC=out.setpoints, pulses=pulses, readings=out.readings,
+        highest_degC=out.highest, lowest_degC=out.lowest, overflows=int(memory.overflows[0]))
 
 
-def _switched(
-    modes: Modes, z: Array, heat: Array, load: Array, edges: Sequence[tuple[float, int, bool]], now: float, until: float
-) -> tuple[Array, Array]:
-    """Return the state at an instant, and the temperatures at each switching before it, shape (m, n) [°C].
+class _Controllers:
+    """The controllers of all zones, as the kernel takes them."""
 
-    Args:
-        modes: of the network.
-        z: its state now, shape (modes,).
-        heat: power of each heater now, shape (n,), changed in place to that at the instant [%].
-        load: taken from each zone, shape (n,) [%].
-        edges: of `_arriving`.
-        now: [s].
-        until: the instant [s].
-    """
-    drives = [modes.inputs @ (heat - load) + modes.constant]
-    for _, number, level in edges:
-        power = 100.0 if level else 0.0
-        drives.append(drives[-1] + modes.inputs[:, number] * (power - heat[number]))
-        heat[number] = power
-    instants = [max(instant, now) for instant, *_ in edges]
-    exponents = np.multiply.outer(np.diff([now, *instants, until]), modes.rates)
-    decays, pushed = np.exp(exponents), np.expm1(exponents) / modes.rates * np.array(drives)
-    states = [z]
-    for decay, push in zip(decays, pushed, strict=True):
-        states.append(decay * states[-1] + push)
-    return states[-1], (np.array(states[1:-1]).reshape(-1, len(z)) @ modes.outputs.T).real
+    def __init__(self, loop: ZoneLoop, switches: Mapping[str, str]) -> None:
+        self.controller, self.words = controller_for(loop.words[0].target), loop.words
+        started = [in_loop(self.controller, words, [words.scaling.low_degC], switches, direct=True)
+                   for words in loop.words]
+        self.core, self.pwm = started[0].core, actuator_of(started[0], loop.actuator).numbers
+        self.parameters = _nested([(each.parameters, each.sensor) for each in started])
+        self.cold, self.states = (_nested([
+            each.core.cold_start(each.parameters, each.core.own(each.state)) for each in started]) for _ in range(2))
 
-
-def _arriving(zones: Sequence[_Zone], until: float) -> list[tuple[float, int, bool]]:
-    """Take the switchings that reach the heaters before an instant: instant, zone and level, in order of time."""
-    found = []
-    for number, zone in enumerate(zones):
-        while zone.arriving and zone.arriving[0][0] < until:
-            instant, level = zone.arriving.popleft()
-            found.append((instant, number, level))
-    return sorted(found)
+    def run(self, events: Sequence[ZoneEvent], interval_s: float, network: NetworkArrays, *others: Any) -> None:
+        """Run the kernel, compiled where that pays; `others`: its last arguments."""
+        measured = [self.controller.measure(self.words[each.zone], each.value if each.kind == "setpoint" else
+                                            self.words[each.zone].scaling.low_degC) for each in events]
+        none = self.controller.measure(self.words[0], self.words[0].scaling.low_degC)
+        words = ZoneWords(np.array([none] * len(self.words)), np.array([*measured, none]))
+        own: tuple[Any, ...] = self.parameters, self.cold, self.states, words
+        flags, function = self.core.flags, _kernel(self.core, len(self.words))
+        overflow = 1 << flags.index("overflow") if "overflow" in flags else 0
+        if self.core.compiles and worth_compiling(others[-1].powers.size, function.__qualname__, _MOST_PLAIN, function):
+            own = to_single(own) if self.core.singles else own
+            function = compile_function(function, calls=True)
+        function(*own, interval_s, overflow, self.pwm, network, _events(events), *others)
 
 
-def _happen(
-    event: ZoneEvent, now: float, zones: Sequence[_Zone], setpoints: Array, load: Array, pulses: list[list[float]]
-) -> None:
-    zone = zones[event.zone]
-    if event.kind == "setpoint":
-        setpoints[event.zone] = event.value
-        zone.word = zone.measure(event.value)
-    elif event.kind == "load":
-        load[event.zone] = event.value
-    elif event.kind == "restart":
-        for each in zones:
-            each.restart()
-    elif event.kind in ("on", "off"):
-        zone.start(on=event.kind == "on")
-    elif event.kind in ("open", "stuck", "closed"):
-        zone.break_circuit(event.kind, now)
-        for pulse in pulses:
-            if event.kind != "closed" and pulse[0] == event.zone and pulse[2] > now:
-                pulse[2] = now
-    else:
-        raise InputError(f"event {event.kind!r}: expected one of {', '.join(KINDS)}")
+def _nested(items: Sequence[Any]) -> Any:
+    """Return (first, (second, third)), and so on."""
+    nested = items[-1]
+    for item in reversed(items[:-1]):
+        nested = item, nested
+    return nested
+
+
+@cache
+def _kernel(core: StepFunctions, count: int) -> Callable[..., int]:
+    """Return the kernel with a controller in it for so many zones, a plain function."""
+    one = bound(scan_zone, step=core.step, measure=core.measure, warm_state=core.warm_start, cold_state=core.cold_start)
+    scan = one
+    for _ in range(count - 1):
+        scan = bound(scan_zones, scan_zone=one, other_zones=scan)
+    return cast("Callable[..., int]", bound(run_joint, scan_zones=scan))
+
+
+def _events(events: Sequence[ZoneEvent]) -> ZoneEvents:
+    for each in events:
+        if each.kind not in KINDS:
+            raise InputError(f"event {each.kind!r}: expected one of {', '.join(KINDS)}")
+    rows = [(each.time_s, KINDS.index(each.kind), each.zone, each.value) for each in events]
+    time, kind, zone, value = zip(*rows, (math.inf, 0, 0, 0.0), strict=True)
+    return ZoneEvents(np.array(time), np.array(kind), np.array(zone), np.array(value))
+
+
+def _network(loop: ZoneLoop, network: ThermalNetwork) -> NetworkArrays:
+    modes, words = network.modes, loop.words[0]
+    late = controller_for(words.target).delayed_s(words.scaling)
+    rates, outputs, rest, shifts = (np.array(each, dtype=np.complex128, order="C") for each in (
+        modes.rates, modes.outputs, -modes.constant / modes.rates, -modes.inputs / modes.rates[:, None]))
+    return NetworkArrays(rates, outputs, outputs * rates, rest, shifts, np.array(network.dead_times_s) + late)
+
+
+def _memory(loop: ZoneLoop, network: ThermalNetwork, periods: int, edges: int) -> ZoneMemory:
+    """Return the memory of a loop at rest without power, with places for so many PWM periods and edges of each zone."""
+    count, modes = len(loop.words), network.modes
+    states = np.concatenate([network.steady_degC([0.0] * count), np.zeros(len(modes.elements))])
+    z, offsets = (modes.inverse @ states).astype(np.complex128), np.array(loop.offsets_s, dtype=np.float64)
+    heat, load, power, carry = np.zeros((4, count))
+    is_on, command, fault, period_counts, edge_counts, arrival_counts, pulse_counts = np.zeros(
+        (7, count), dtype=np.int64)
+    return ZoneMemory(
+        z=z, target=np.zeros_like(z), offset=np.zeros_like(z), heat=heat, load=load, setpoint=np.full(count, np.nan),
+        power=power, carry=carry, begin=offsets.copy(), origin=offsets, is_on=is_on, command=command, fault=fault,
+        period_counts=period_counts, edge_counts=edge_counts, arrival_counts=arrival_counts, pulse_counts=pulse_counts,
+        edges=np.zeros((count, edges)), pulse_begin=np.zeros((count, periods)), pulse_end=np.zeros((count, periods)),
+        overflows=np.zeros(1, dtype=np.int64))

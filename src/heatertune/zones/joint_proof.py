@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import islice
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -32,7 +33,7 @@ from heatertune.settings import Conditions
 from heatertune.units import check
 from heatertune.zones.identify import FittedNetwork
 from heatertune.zones.joint_loop import JointTrace, ZoneEvent, ZoneLoop, run_zones
-from heatertune.zones.joint_tuning import JOINT_MS, JointDesign, joint_designs
+from heatertune.zones.joint_tuning import JOINT_MS, JointDesign, JointTuner
 from heatertune.zones.network import ThermalNetwork
 
 __all__ = ["JointCriterion", "JointProof", "ZoneSpecification", "design_zones", "prove_zones"]
@@ -40,11 +41,14 @@ __all__ = ["JointCriterion", "JointProof", "ZoneSpecification", "design_zones", 
 _DRAWN: Final = 6
 _STEP_DEGC: Final = 5.0
 _DEVIATION: Final = 0.4  # of a neighbour's setpoint change
+_DEVIATION_NAME: Final = "neighbour deviation [°C]"
 _LOAD_PCT: Final = 20.0
 _DECAY: Final = 200.0  # the loop has settled where its slowest motion is so many times smaller
 _BEYOND: Final = 1.1  # times the logged rise that a setpoint may be above the ambient
 _IDLE_PCT: Final = 1.0  # power that a zone needs at least to hold its setpoint
 _NOT_TESTED: Final = ("a sensor that breaks", "mains that change while the zones run", "a setpoint profile")
+#: criteria of the setpoints alone
+_UNHELD: Final = ("power to hold the setpoints [%]", "cooling that a zone would need [%]")
 _RIPPLE: Final = 0.2  # of the tolerance, peak to peak: so much is left to the PWM
 _COOLS: Final = 3.0  # time constants in which an overheated zone cools down
 _STEPS: Final = ("log a step of each zone's power, one after the other, each until all temperatures are steady, with "
@@ -54,7 +58,7 @@ _REMEDIES: Final = {
     "beyond-the-log": "log up to the setpoint, or choose setpoints that the log covers (--zone-setpoints)",
     **dict.fromkeys(("poor-fit", "unexplained-by-power", "contradicted"), _STEPS)}
 _ORDERS: Final = 100  # of the zones' pulses tried at random
-_ATTEMPTS: Final = 5  # designs that are proven, each detuned further
+_ATTEMPTS: Final = 5  # designs that are proven, each detuned further, in all zones and then in one
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,12 +108,14 @@ class JointCriterion:
         name: what was measured, with its unit.
         value, limit: the value must not exceed the limit.
         where: zone and run.
+        cause: number of the zone whose slower controller would lower the value; -1: of none alone.
     """
 
     name: str
     value: float
     limit: float
     where: str
+    cause: int = -1
 
     @property
     def ok(self) -> bool:
@@ -183,15 +189,16 @@ class JointProof:
     @property
     def neighbour_deviation_degC(self) -> float:
         """Largest distance of a zone from its setpoint while another one's setpoint changes [°C]."""
-        return max((each.value for each in self.criteria if each.name == "neighbour deviation [°C]"), default=0.0)
+        return max((each.value for each in self.criteria if each.name == _DEVIATION_NAME), default=0.0)
 
     def summary(self) -> str:
         """Return the verdict and what it rests on, a line each."""
         zones = self.fitted.network.zones
         lines = [f"{self.verdict}: {len(zones)} zones together at "
                  f"{', '.join(f'{each:g}' for each in self.specification.setpoints_degC)} °C in {len(self.runs)} runs"]
-        lines += [f"not kept: {each.name} {each.value:.4g}, limit {each.limit:.4g} ({each.where})"
-                  for each in self.criteria if not each.ok]
+        broken = sorted((each for each in self.criteria if not each.ok), key=lambda criterion: criterion.cause >= 0)
+        lines += [f"not kept: {each.name} {each.value:.4g}, limit {each.limit:.4g} ({each.where}{_allowing(broken)})"
+                  for each in broken]
         for each in self.blocking:
             remedy = _REMEDIES.get(each.name) or remedy_of(each.name, [])
             lines.append(f"not proven ({each.name}): {each.message}; {remedy}, or --accept {each.name}")
@@ -245,22 +252,40 @@ def design_zones(
 
     Raises:
         InputError: no setpoint is known, or no design is robust for all plausible networks.
-        OutOfRange, UnknownName, NotRepresentable: as `joint_designs` and `actuator_for`.
+        OutOfRange, UnknownName, NotRepresentable: as `JointTuner` and `actuator_for`.
     """
     asked = conditions or Conditions()
     spec = specification or specification_for(fitted, setpoints_degC, asked)
-    best: JointProof | None = None
-    for attempt, design in enumerate(joint_designs(
-            fitted, target, scaling=scaling, structure=structure, sample_time_s=sample_time_s)):
-        proof = prove_zones(design, fitted, spec, asked, up_to_failure=True)
-        if best is None or _strain(proof) < _strain(best):
-            best = proof
-        if proof.verdict != "FAIL" or attempt + 1 == _ATTEMPTS:
-            break
-    if best is None:
+    tuner = JointTuner(fitted, target, scaling=scaling, structure=structure, sample_time_s=sample_time_s)
+    prove = partial(prove_zones, fitted=fitted, specification=spec, conditions=asked)
+    proofs = list[JointProof]()
+    for design in islice(tuner.designs(), _ATTEMPTS):
+        proofs.append(prove(design, up_to_failure=True))
+        if proofs[-1].verdict != "FAIL":
+            return proofs[-1]
+        if any(each.name in _UNHELD and not each.ok for each in proofs[-1].criteria):
+            return prove(design)  # which no tuning mends
+    if not proofs:
         raise InputError(f"no {structure} of {target} keeps Ms {JOINT_MS:g} on all plausible networks: log longer "
                          "steps of each zone's power, which narrows the intervals")
-    return best if best.verdict != "FAIL" else prove_zones(best.design, fitted, spec, asked)
+    proof = min(proofs, key=_strain)
+    for _ in range(_ATTEMPTS):  # all zones alike did not help: that alone which moves the others
+        cause = max(proof.criteria, key=lambda criterion: criterion.share).cause
+        slower = None if cause < 0 else tuner.slower(proof.design, cause)
+        if slower is None:
+            break
+        proof = prove(slower, up_to_failure=True)
+        if proof.verdict != "FAIL":
+            return proof
+        proofs.append(proof)
+    return prove(min(proofs, key=_strain).design)
+
+
+def _allowing(broken: Sequence[JointCriterion]) -> str:
+    """Return the option that allows a neighbour's deviation; "" where that is not all that is broken."""
+    if [each.name for each in broken] != [_DEVIATION_NAME]:
+        return ""
+    return f"; --neighbour-deviation {math.ceil(10.0 * broken[0].value + 1e-6) / 10.0:g} allows it"
 
 
 def _strain(proof: JointProof) -> float:
@@ -431,15 +456,20 @@ class _Prover:
         """Return the criteria that need no run: margins, and the power that holds the setpoints."""
         design, where = self.design, "all plausible networks"
         most, least = max(map(np.max, powers_pct)), min(map(np.min, powers_pct))
+        held = where
+        if most > 100.0 - RESERVE_PCT:
+            zone = self.zones[int(np.argmax(max(powers_pct, key=np.max)))]
+            wide = float(np.max(powers_pct[0])) <= 100.0 - RESERVE_PCT  # the best fit can hold them
+            held += f", zone {zone}: lower its setpoint{', or log longer steps of its power' if wide else ''}"
         criteria = [
             JointCriterion(name="largest singular value of S", value=design.joint_ms, limit=JOINT_MS, where=where),
             JointCriterion(name="Ms of a zone alone", value=design.alone_ms, limit=JOINT_MS, where=where),
-            JointCriterion(name="power to hold the setpoints [%]", value=float(most), limit=100.0 - RESERVE_PCT,
-                           where=where)]
+            JointCriterion(name=_UNHELD[0], value=float(most), limit=100.0 - RESERVE_PCT,
+                           where=held)]
         if least < 0.0:
             zone = self.zones[int(np.argmin(min(powers_pct, key=np.min)))]
             criteria.append(JointCriterion(
-                name="cooling that a zone would need [%]", value=-float(least), limit=0.0,
+                name=_UNHELD[1], value=-float(least), limit=0.0,
                 where=f"zone {zone}: its neighbours heat it beyond its setpoint; raise it, or lower theirs"))
         return criteria
 
@@ -585,7 +615,7 @@ class _Prover:
         seen, high, low = errors
         last, rest = seen[-max(len(seen) // 5, 2):], slice(-max(len(seen) // 5, 2), None)
         where = f"zone {name}, {phase.kind}" + ("" if phase.zone < 0 else f" ({self.zones[phase.zone]})")
-        make = partial(JointCriterion, where=where)
+        make = partial(JointCriterion, where=where, cause=zone)
         yield make(name="offset at rest [°C]", value=float(np.abs(last.mean())), limit=limits.tolerance_degC)
         yield make(name="swing at rest [°C]", value=float(np.ptp(last)), limit=limits.tolerance_degC)
         yield make(name="error at rest [°C]", value=float(max(high[rest].max(), -low[rest].min())),
@@ -599,7 +629,7 @@ class _Prover:
             if limits.reheat_overshoot_pct is not None:
                 yield make(name="overshoot after a fault [%]", value=over, limit=limits.reheat_overshoot_pct)
         elif phase.kind.startswith("setpoint") and zone != phase.zone:
-            yield make(name="neighbour deviation [°C]", value=float(max(high.max(), -low.min())),
+            yield make(name=_DEVIATION_NAME, value=float(max(high.max(), -low.min())), cause=phase.zone,
                        limit=self.specification.deviation_limit_degC(phase.change_degC))
         elif phase.kind == "setpoint change" and limits.small_change_overshoot_pct is not None:
             yield make(name="overshoot of a setpoint change [°C]", value=float(high.max()), limit=max(

@@ -30,7 +30,7 @@ from heatertune.settings import TuneSettings
 from heatertune.zones.identify import FittedNetwork
 from heatertune.zones.network import ThermalNetwork
 
-__all__ = ["JOINT_MS", "JointDesign", "closed_loop_radius", "joint_designs", "joint_sensitivity", "sensitivity_alone",
+__all__ = ["JOINT_MS", "JointDesign", "JointTuner", "closed_loop_radius", "joint_sensitivity", "sensitivity_alone",
            "zone_model"]
 
 Complex = npt.NDArray[np.complex128]
@@ -52,7 +52,7 @@ class JointDesign:
     Attributes:
         designs: as the words realise them.
         words: of each zone.
-        ms_zone: for which each zone was tuned.
+        ms_zones: Ms that each zone was tuned for.
         joint_ms: largest singular value of S over all plausible networks.
         alone_ms: largest sensitivity of a zone with the others off, over all plausible networks.
         radius: largest magnitude of an eigenvalue of the sampled closed loop.
@@ -60,7 +60,7 @@ class JointDesign:
 
     designs: tuple[PidDesign, ...]
     words: tuple[Words, ...]
-    ms_zone: float
+    ms_zones: tuple[float, ...]
     joint_ms: float
     alone_ms: float
     radius: float
@@ -68,7 +68,7 @@ class JointDesign:
     @property
     def is_robust(self) -> bool:
         """Whether the joint loop keeps the limit, and so does each zone alone, as tuned or as one heater."""
-        return (max(self.joint_ms, self.alone_ms) <= JOINT_MS and min(self.ms_zone, self.alone_ms) <= _ALONE_MS
+        return (max(self.joint_ms, self.alone_ms) <= JOINT_MS and min(max(self.ms_zones), self.alone_ms) <= _ALONE_MS
                 and self.radius < 1.0)
 
 
@@ -100,11 +100,8 @@ def _alone(network: ThermalNetwork) -> ThermalNetwork:
     return replace(network, exchange=np.zeros_like(network.exchange))
 
 
-def joint_designs(
-    fitted: FittedNetwork, target: str, *, scaling: Scaling | None = None, structure: str = "pi",
-    sample_time_s: float | None = None,
-) -> Iterator[JointDesign]:
-    """Yield robust designs, the fastest first; each is detuned further than the one before.
+class JointTuner:
+    """Tunes the controllers of all zones for one target.
 
     Args:
         fitted: the network.
@@ -117,27 +114,54 @@ def joint_designs(
         InputError: another structure.
         UnknownName, OutOfRange, NotRepresentable: as `heatertune.plc.design.tune` and `choose_words`.
     """
-    if structure not in ("pi", "pid"):
-        raise InputError(f"structure {structure!r}: zones are tuned as pi or pid")
-    networks = [network for _, network in fitted.draw(_DRAWN)]
-    models = [zone_model(fitted, zone, networks[:3]) for zone in range(len(fitted.network.zones))]
-    asked = TuneSettings(structure=structure, sample_time_s=sample_time_s)
-    if sample_time_s is None:
-        found = [tune(model, asked, target=target, scaling=scaling).sample_time_s for model in models]
-        asked = replace(asked, sample_time_s=min(found))
-    delay = controller_for(target).delayed_s(scaling or Scaling())
-    for ms in _LADDER:
-        designs = [tune(model, replace(asked, ms=ms), target=target, scaling=scaling) for model in models]
-        words = tuple(choose_words(design, target, model, scaling=scaling).words
-                      for design, model in zip(designs, models, strict=True))
+
+    def __init__(
+        self, fitted: FittedNetwork, target: str, *, scaling: Scaling | None = None, structure: str = "pi",
+        sample_time_s: float | None = None,
+    ) -> None:
+        if structure not in ("pi", "pid"):
+            raise InputError(f"structure {structure!r}: zones are tuned as pi or pid")
+        self.target, self.scaling = target, scaling
+        self.networks = [network for _, network in fitted.draw(_DRAWN)]
+        self.models = [zone_model(fitted, zone, self.networks[:3]) for zone in range(len(fitted.network.zones))]
+        settings = TuneSettings(structure=structure, sample_time_s=sample_time_s)
+        if sample_time_s is None:
+            alone = [tune(model, settings, target=target, scaling=scaling).sample_time_s for model in self.models]
+            settings = replace(settings, sample_time_s=min(alone))
+        self.settings: Final = settings
+        self._tuned: dict[tuple[int, float], Words] = {}
+
+    def designs(self) -> Iterator[JointDesign]:
+        """Yield robust designs, the fastest first; each is detuned further than the one before; errors as the class."""
+        for ms in _LADDER:
+            design = self._design((ms,) * len(self.models))
+            if design.is_robust:
+                yield design
+
+    def slower(self, design: JointDesign, zone: int) -> JointDesign | None:
+        """Return a design with one zone detuned further, None where that is not robust or no slower one is left."""
+        rung = _LADDER.index(design.ms_zones[zone]) + 1
+        if rung == len(_LADDER):
+            return None
+        slower = self._design((*design.ms_zones[:zone], _LADDER[rung], *design.ms_zones[zone + 1:]))
+        return slower if slower.is_robust else None
+
+    def _words(self, zone: int, ms: float) -> Words:
+        if (zone, ms) not in self._tuned:
+            model = self.models[zone]
+            design = tune(model, replace(self.settings, ms=ms), target=self.target, scaling=self.scaling)
+            self._tuned[zone, ms] = choose_words(design, self.target, model, scaling=self.scaling).words
+        return self._tuned[zone, ms]
+
+    def _design(self, ms_zones: tuple[float, ...]) -> JointDesign:
+        words = tuple(self._words(zone, ms) for zone, ms in enumerate(ms_zones))
         realised = tuple(_realised(each) for each in words)
-        design = JointDesign(
-            designs=realised, words=words, ms_zone=ms,
-            joint_ms=max(joint_sensitivity(network, realised, delay) for network in networks),
-            alone_ms=max(sensitivity_alone(network, realised, delay) for network in networks),
-            radius=max(closed_loop_radius(network, realised, delay) for network in networks[:3]))
-        if design.is_robust:
-            yield design
+        delay = controller_for(self.target).delayed_s(self.scaling or Scaling())
+        return JointDesign(
+            designs=realised, words=words, ms_zones=ms_zones,
+            joint_ms=max(joint_sensitivity(network, realised, delay) for network in self.networks),
+            alone_ms=max(sensitivity_alone(network, realised, delay) for network in self.networks),
+            radius=max(closed_loop_radius(network, realised, delay) for network in self.networks[:3]))
 
 
 def _realised(words: Words) -> PidDesign:
