@@ -267,13 +267,13 @@ def past_hour(time: Array, repairs: list[str]) -> Array:
     return time if np.any(time >= _HOUR) else _past_end(time, _HOUR, "time passes the full hour", "an hour", repairs)
 
 
-def _past_end(time: Array, whole_s: float, passes: str, added: str, repairs: list[str]) -> Array:
+def _past_end(time: Array, whole_s: float, passes: str, period: str, repairs: list[str]) -> Array:
     """Return the times of a clock that begins again after so many seconds."""
     turns = np.flatnonzero(np.diff(time) < -whole_s / 2.0) + 1
     if not len(turns):
         return time
-    repairs.append(f"The {passes} {len(turns)} times; {added} was added at each." if len(turns) > 1
-                   else f"The {passes}; {added} was added there.")
+    repairs.append(f"The {passes} {len(turns)} times; {period} was added at each." if len(turns) > 1
+                   else f"The {passes}; {period} was added there.")
     time = time.copy()
     for row in turns:
         time[row:] += whole_s

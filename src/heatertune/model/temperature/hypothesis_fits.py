@@ -130,7 +130,7 @@ def _descend(fit: Fit) -> Fit:
 
 
 def best_of(hypothesis: Hypothesis, z: Array, n: int) -> Array:
-    """Return the n vectors with the smallest sums of squares, best first."""
+    """Return the n vectors with the smallest sums of squares, best first, shape (n, p)."""
     return np.asarray(z[np.argsort(hypothesis.squares(z), kind="stable")[:n]])
 
 
@@ -145,7 +145,7 @@ def _able(hypothesis: Hypothesis, z: Array, n: int) -> Array:
 
 
 def local_optima(hypothesis: Hypothesis, starts: Array, iterations: int) -> Array:
-    """Return the local optima of the starts, best first."""
+    """Return the local optima of the starts, shape (n, p), best first."""
     residuals = residuals_of(hypothesis, hypothesis.measured)
     minima = minimise(residuals, starts, hypothesis.low, hypothesis.high, iterations=iterations)
     return np.asarray(minima.parameters[np.argsort(minima.cost, kind="stable")])

@@ -37,22 +37,40 @@ def rival_fits(ranked: Sequence[Fit], seed: int) -> list[Fit]:
         seed: of the random starts.
     """
     fits: list[Fit] = []
-    begun: list[tuple[float, Hypothesis, Array, Fit]] = []
-    for fit in ranked:
-        hypothesis = fit.hypothesis
-        if any(segment.event for segment in hypothesis.segments):
-            continue
-        starts = best_of(hypothesis, hypothesis.starts(np.random.default_rng(seed), RANDOM_STARTS), _OPTIMA)
-        optima = local_optima(hypothesis, starts, 60)
-        fits += [fit_at(hypothesis, z, fit.hold_out_rmse_degC) for z in optima]
-        adopted = np.concatenate([fit.vector[None, :], optima[:_ADOPTED]])
-        begun += [(*_begin(other, _moved(hypothesis, other, adopted)), fit) for other in _other_closings(hypothesis)]
-    least = min([fit.rmse_degC for fit in (*ranked, *fits)] + [error for error, *_ in begun])
-    moved = [fit_at(hypothesis, local_optima(hypothesis, z, 60)[0], fit.hold_out_rmse_degC)
-             for error, hypothesis, z, fit in begun if error <= _HOPELESS * least]
+    descents: list[tuple[float, Hypothesis, Array, Fit]] = []
+    for fit in filter(_is_still, ranked):
+        optima = _optima(fit, seed)
+        fits += optima
+        descents += _other_descents(fit, optima)
+    moved = _at_rest(descents, min(fit.rmse_degC for fit in (*ranked, *fits)))
     most = _AS_CLOSE * min(fit.rmse_degC for fit in (*ranked, *fits, *moved))
     near, moved = ([fit for fit in some if fit.rmse_degC <= most] for some in (fits, moved))
-    return [*near, *(dict.fromkeys([min(moved, key=lambda fit: fit.bic), *extremes(moved)]) if moved else ())]
+    return [*near, *dict.fromkeys([*sorted(moved, key=lambda fit: fit.bic)[:1], *extremes(moved)])]
+
+
+def _is_still(fit: Fit) -> bool:
+    """Return whether no setpoint steps."""
+    return not any(segment.event for segment in fit.hypothesis.segments)
+
+
+def _optima(fit: Fit, seed: int) -> list[Fit]:
+    """Return the local optima of a hypothesis from many starts, the best first."""
+    hypothesis = fit.hypothesis
+    starts = best_of(hypothesis, hypothesis.starts(np.random.default_rng(seed), RANDOM_STARTS), _OPTIMA)
+    return [fit_at(hypothesis, z, fit.hold_out_rmse_degC) for z in local_optima(hypothesis, starts, 60)]
+
+
+def _other_descents(fit: Fit, optima: Sequence[Fit]) -> list[tuple[float, Hypothesis, Array, Fit]]:
+    """Return error [°C], hypothesis, vectors (k, p) and fit of loops closed at other instants, a short descent away."""
+    z = np.array([each.vector for each in (fit, *optima[:_ADOPTED])])
+    return [(*_begin(other, _moved(fit.hypothesis, other, z)), fit) for other in _other_closings(fit.hypothesis)]
+
+
+def _at_rest(descents: Sequence[tuple[float, Hypothesis, Array, Fit]], rmse_degC: float) -> list[Fit]:
+    """Return the fits at rest of what was begun, where it is not far worse than the best."""
+    most = _HOPELESS * min([rmse_degC, *(error for error, *_ in descents)])
+    return [fit_at(hypothesis, local_optima(hypothesis, z, 60)[0], fit.hold_out_rmse_degC)
+            for error, hypothesis, z, fit in descents if error <= most]
 
 
 def extremes(fits: Sequence[Fit]) -> list[Fit]:
@@ -86,9 +104,9 @@ def _onset(segment: LogSegment) -> int:
     return int(segment.readings[max(0, int(np.argmax(left)) - 1)])
 
 
-def _moved(hypothesis: Hypothesis, other: Hypothesis, z: Array) -> Array:
+def _moved(hypothesis: Hypothesis, target: Hypothesis, z: Array) -> Array:
     """Return vectors of a hypothesis for another instant of closing: the power acts at the same one."""
-    later = max(max(segment.closes, 0) for segment in other.segments) * hypothesis.segments[0].interval_s
+    later = max(max(segment.closes, 0) for segment in target.segments) * hypothesis.segments[0].interval_s
     place = hypothesis.names.index("dead_time_s")
     z = z.copy()
     z[:, place] = np.maximum(z[:, place] - later, 0.0)
