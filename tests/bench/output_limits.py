@@ -4,7 +4,8 @@
     python tests/bench/output_limits.py --kinds limited soft --first 100 --verbose
 
 Kinds: the output is limited below full power; it never reaches its limit; it has a least value; a bias is added; it has
-coarse steps; it changes slowly; the loop is closed some rows after the log begins; the proportional part acts on the
+coarse steps; it changes slowly; the loop is closed long after the log begins, or a few rows; the log begins during the
+heat-up; the proportional part acts on the
 reading alone; the controller has a derivative part; it reaches full power. Each log is fitted as it is: without the
 power nobody knows how much the largest output was, so nothing may be called identified that depends on it, and the
 finding must block. Then the largest power is stated, as the message asks: every interval has to hold the truth. Heater
@@ -27,7 +28,7 @@ from heatertune.chain.stages import fit
 from heatertune.errors import HeatertuneError
 from heatertune.log.log_values import Log
 
-KINDS = ("limited", "soft", "least", "bias", "coarse", "slow", "late", "on reading", "derivative", "full")
+KINDS = ("limited", "soft", "least", "bias", "coarse", "slow", "late", "rows late", "begun", "on reading", "derivative", "full")
 _TOLERANCE = 0.03  # of a parameter: one lag by the half rule is no exact truth
 
 
@@ -52,7 +53,8 @@ def draw(kind, seed):
     if kind == "soft":
         k = min(k, rng.uniform(40.0, 90.0) / (target - ambient))
     ti, td = min(lag, 8.0 * (dead + second + interval)), 0.3 * dead if kind == "derivative" else 0.0
-    begins = rng.uniform(0.2, 1.0) * lag if kind == "late" else 0.0
+    begins = rng.uniform(0.2, 1.0) * lag if kind == "late" else rng.uniform(0.5, 7.0) * interval if kind == "rows late" else 0.0
+    left_out = int(rng.uniform(1.0, 3.0) * (dead + second) / interval) if kind == "begun" else 0
     pipe, x, y, part, power, before, rows, largest = [0.0] * round(dead / step), ambient, ambient, 0.0, 0.0, ambient, [], 0.0
     for row in range(int(rng.uniform(6.0, 10.0) * (lag + second + dead) / interval)):
         read = round((y + rng.normal(0.0, 0.05)) / 0.1) * 0.1
@@ -75,8 +77,8 @@ def draw(kind, seed):
             pipe.append(power)
             x += step / lag * (ambient + gain * pipe.pop(0) - x)
             y = x if not second else y + step / second * (x - y)
-    return np.array(rows), largest, {"gain_degC_per_pct": gain, "time_constant_s": lag + 0.5 * second,
-                                     "dead_time_s": dead + 0.5 * second + 0.5 * interval}, 0.5 * second + 2.0 * interval
+    return np.array(rows[left_out:]), largest, {"gain_degC_per_pct": gain, "time_constant_s": lag + 0.5 * second,
+                                     "dead_time_s": dead + 0.5 * second + 0.5 * interval}, 0.5 * second + interval
 
 
 def verdict_of(rows, truth, late, **options):

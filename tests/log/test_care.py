@@ -215,3 +215,25 @@ def test_a_pulse_that_a_fast_heater_follows_is_no_loose_probe(tmp_path, dead_row
     power = [60 if 40 <= k < 60 else 0 for k in range(120)]
     rows = [[f"{k}", f"{20 + 0.5 * power[max(k - dead_rows, 0)] + 0.1 * (k % 3):.1f}", f"{power[k]}"] for k in range(120)]
     assert len(_read(tmp_path, rows).time_s) == 120
+
+
+def test_minutes_and_seconds_go_on_after_the_full_hour(tmp_path):
+    # a spreadsheet shows times of day as mm:ss.0 and saves what it shows
+    rows = [[f"{(3000 + 10 * k) % 3600 // 60:02d}:{10 * k % 60:02d}.0", *cells] for k, (_, *cells) in enumerate(_rows())]
+    log = _read(tmp_path, rows)
+    assert np.diff(log.time_s) == pytest.approx(10.0)
+    assert "the full hour" in _told(log)
+
+
+def test_a_second_mark_in_half_of_the_rows_costs_none(tmp_path):
+    path = tmp_path / "log.csv"
+    lines = [(";" if k % 2 else ",").join(row) for k, row in enumerate(_rows())]
+    path.write_text("\n".join(["time_s;temp_C;duty_pct", *(line.replace(",", ";", 1) for line in lines)]) + "\n")
+    assert read_log(path).temperature_degC == pytest.approx([float(row[1]) for row in _rows()])
+
+
+def test_the_option_that_an_error_names_leaves_out_rows_of_another_length(tmp_path):
+    rows = [[*row, "7"] if k % 5 == 0 else row for k, row in enumerate(_rows(), start=1)]
+    with pytest.raises(LogError, match="--skip-empty leaves out such rows"):
+        _read(tmp_path, rows)
+    assert len(_read(tmp_path, rows, skip_empty=True).time_s) == 96

@@ -82,3 +82,25 @@ def test_no_hostile_export_is_read_into_another_heater(tmp_path, export):
     outcome, said = hostile_exports.outcome_of(export, tmp_path)
     assert outcome not in (hostile_exports.WRONG, hostile_exports.ACCUSED), said
     assert export.heater == tool_exports.OVEN
+
+
+@pytest.mark.parametrize("header", [
+    "data.time_s,data.temp_C,data.heater_pct",  # fields of a structure of MATLAB; "data" alone is Portuguese for a date
+    "time [s],炉内温度(℃),ヒーター出力(％)",  # a percent sign of full width
+    "time [s],PLC_PRG.rTemp,PLC_PRG.rHeatPct",
+], ids=["fields of a structure", "full width", "names of a program"])
+def test_names_of_tools_tell_roles_and_units(tmp_path, header):
+    log = read(tmp_path, header, TIME, TEMPERATURE, POWER)
+    assert log.time_s == pytest.approx(TIME)
+    assert log.temperature_degC == pytest.approx(TEMPERATURE)
+    assert log.power_pct == pytest.approx(POWER)
+    assert "power" not in log.taken.assumed
+
+
+def test_the_input_of_pid_compact_is_the_temperature_and_its_output_is_in_percent(tmp_path):
+    # "Input: a variable of the user program is used as source for the process value", "Output: output value in REAL
+    # format", limited to OutputUpperLimit [%]: Siemens, PID control, function manual
+    log = read(tmp_path, "time [s],PID_Compact_1.Input,PID_Compact_1.Output", TIME, TEMPERATURE, POWER)
+    assert log.temperature_degC == pytest.approx(TEMPERATURE)
+    assert log.power_pct == pytest.approx(POWER)
+    assert "power" not in log.taken.assumed

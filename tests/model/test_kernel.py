@@ -85,3 +85,25 @@ def test_every_law_keeps_the_power_between_nothing_and_full(law):
         memory = np.zeros(4)
         for error in rng.normal(0.0, 20.0, 20):
             assert 0.0 <= law.step(law.form, constants, memory, error, 2.0) <= 100.0
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
+def test_a_loop_that_is_closed_later_from_rest_answers_later(law):
+    # nothing moves before: the whole curve is shifted
+    plant, constants, h, later = (0.5, 90.0, 0.4, 6.5, 20.0, 20.0, 20.0), (2.0, 60.0, 10.0, 0.01), 2.0, 7
+    searched = [np.log(v) if c.logarithmic else v for v, c in zip(constants, law.constants, strict=False)]
+    gain, lag, *others = plant
+    z = np.array([[np.log(gain), np.log(lag), *others, 60.0, 0.0, np.inf, *searched]])
+    out = np.empty((2, 60))
+    for row, closes in enumerate((0, later)):
+        simulate_many(law, z, 4, h, np.arange(60), out[row:row + 1], 0, closes)
+    assert out[1, later:] == pytest.approx(out[0, :-later], abs=1e-12)
+    assert out[1, :later] == pytest.approx(20.0)
+
+
+def test_a_loop_that_ran_before_the_log_has_its_first_power_on_the_way():
+    # a controller at 100 %: one lag rises at once, whatever the dead time
+    law, time = SimpleNamespace(step=_bang, form=0, constants=()), 2.0 * np.arange(40)
+    z, out = np.array([[np.log(0.5), np.log(90.0), 0.0, 30.0, 20.0, 20.0, 20.0, 900.0, 0.0, np.inf]]), np.empty((1, 40))
+    simulate_many(law, z, 4, 2.0, np.arange(40), out, 0, -1)
+    assert out[0] == pytest.approx(20.0 + 50.0 * (1.0 - np.exp(-time / 90.0)), abs=1e-9)

@@ -81,3 +81,11 @@ def test_no_gain_is_identified_from_a_loop_whose_largest_output_is_not_known_and
 def test_a_known_controller_s_power_is_computed():
     with pytest.raises(InputError, match="a known controller's power is computed; leave it out"):
         fit_known(read_log("table4"), (), setpoint_degC=50.0, largest_power_pct=70.0)
+
+
+@pytest.mark.long
+def test_a_dead_time_that_the_unknown_instant_of_closing_explains_is_not_identified_too_long():
+    # closed at the first reading; closed one used reading earlier, as was once assumed, it would be 6 s longer
+    rows, largest, truth, _ = output_limits.draw("least", 0)
+    inside = fit(log_of(rows), largest_power_pct=largest).ci95["dead_time_s"]
+    assert inside is None or inside.low <= truth["dead_time_s"] <= inside.high

@@ -9,7 +9,7 @@ from scipy.optimize import least_squares
 from heatertune.log.read import log_of
 from heatertune.model.least_squares import minimise
 from heatertune.model.temperature.closed_loop import Hypothesis, LogSegment
-from heatertune.model.temperature.fit_temperature import _able, _best_of, residuals_of
+from heatertune.model.temperature.hypothesis_fits import _able, best_of, residuals_of
 from heatertune.plc.s7_200_paper.step import LAWS
 
 TIME = np.linspace(0.0, 5.0, 40)
@@ -65,5 +65,5 @@ def test_what_lost_at_the_beginning_is_none_of_the_best(seed, n):
     hypothesis = Hypothesis(segments=segments, two_lags=bool(rng.integers(2)))
     starts = hypothesis.starts(rng, 60)
     able = _able(hypothesis, starts, n)
-    assert np.array_equal(_best_of(hypothesis, able, n), _best_of(hypothesis, starts, n))
+    assert np.array_equal(best_of(hypothesis, able, n), best_of(hypothesis, starts, n))
     assert np.array_equal(hypothesis.squares(starts), np.sum((hypothesis.simulate(starts) - hypothesis.measured) ** 2, 1))

@@ -5,7 +5,7 @@ from scipy.stats import chi2
 from heatertune.log.log_values import Log
 from heatertune.model.statistics import LJUNG_BOX_95, ljung_box
 from heatertune.model.temperature.closed_loop import Hypothesis, LogSegment
-from heatertune.model.temperature.fit_temperature import EARLY, constant_rmse, cross_rmse, fit_all, hold_out_rmse
+from heatertune.model.temperature.hypothesis_fits import EARLY, constant_rmse, cross_rmse, fit_all, hold_out_rmse
 from heatertune.plc.s7_200_paper.step import LAWS
 
 NOISE = 0.1

@@ -182,10 +182,12 @@ def _named(
     return tuple(names)
 
 
-def _without_partial_rows(file: Path, lines: Lines, rows: Grid, below: Mask, repairs: list[str]) -> Mask:
+def _without_partial_rows(
+    file: Path, lines: Lines, rows: Grid, below: Mask, repairs: list[str], *, skip_empty: bool
+) -> Mask:
     """Return the rows to keep without those with another number of cells: a row that was cut, statistics below.
 
-    Many of them within the table may be readings whose commas were taken for separators.
+    Many of them within the table may be readings whose commas were taken for separators: the user leaves them out.
     """
     is_whole, width = rows.whole(), rows.width
     whole, partial = np.flatnonzero(below & is_whole), np.flatnonzero(below & ~is_whole)
@@ -196,7 +198,8 @@ def _without_partial_rows(file: Path, lines: Lines, rows: Grid, below: Mask, rep
     within = np.count_nonzero(partial < whole[-1])
     first, like = int(partial[0]), int(lines[whole[0]])
     is_above = first < whole[0]  # names that are not as many as the columns, or a reading that was cut
-    if is_above or within > max(_FEW, _FEW_SHARE * below.sum()) or len(partial) - within > _MOST_BELOW:
+    are_many = within > max(_FEW, _FEW_SHARE * below.sum()) or len(partial) - within > _MOST_BELOW
+    if is_above or (are_many and not skip_empty):
         way = f"--skip-rows {like - 1} skips what is above it" if is_above else "--skip-empty leaves out such rows"
         raise LogError(f"{count(len(rows[first]), 'cell')} in this row", file=file, line=int(lines[first]),
                        expected=f"{width} as in line {like} ({way})")
@@ -260,7 +263,7 @@ _MOST_WORDS: Final = 0.6
 
 def read_sheet(
     path: Path, content: bytes | None = None, skip_rows: int = 0, tag: str | None = None,
-    decimal_comma: str | None = None,
+    decimal_comma: str | None = None, *, skip_empty: bool = False,
 ) -> Sheet:
     """Return the cells of a file.
 
@@ -270,6 +273,7 @@ def read_sheet(
         skip_rows: first lines that are left out.
         tag: heater of a printer's log or sheet of a workbook, see `heatertune.log.formats`.
         decimal_comma: columns with decimal commas that also separate the cells, see `join_decimals`.
+        skip_empty: whether any number of rows with another number of cells than the others is left out.
 
     Raises:
         LogError: the file cannot be read, is empty, is no text, or many rows have another number of cells than the
@@ -279,7 +283,7 @@ def read_sheet(
     data = decompress(path, _content(path, content), repairs)
     binary = next((kind for kind in BINARY_FORMATS if data.startswith(kind.magic)), None)
     if binary is not None:
-        return _sheet_of(path, binary.read(path, data, tag), repairs, 0, skip_rows)
+        return _sheet_of(path, binary.read(path, data, tag), repairs, 0, skip_rows, skip_empty=skip_empty)
     text = _text(path, data, repairs)
     period_s, recorded = 0.0, text.startswith(MARK)
     if recorded:
@@ -290,7 +294,7 @@ def read_sheet(
         repairs.append(f"{count(damaged, 'line')} with NUL bytes or other control characters left out.")
     kind = next((kind for kind in TEXT_FORMATS if kind.recognises(numbered)), None)
     if kind is not None:
-        return _sheet_of(path, kind.read(path, numbered, tag), repairs, damaged)
+        return _sheet_of(path, kind.read(path, numbered, tag), repairs, damaged, skip_empty=skip_empty)
     kept = numbered
     if "#" in text or "=" in text or "---" in text:
         kept = numbered.where(lambda line: not line.lstrip().startswith("#") and not _SEPARATOR_LINE.fullmatch(line)
@@ -308,7 +312,7 @@ def read_sheet(
     grid.change(usual_form, FORM_MARKS)
     if separator == ",":
         join_decimals(path, grid, decimal_comma, repairs)
-    sheet = _sheet_of_grid(path, grid, np.array(kept.numbers), repairs, damaged + cut)
+    sheet = _sheet_of_grid(path, grid, np.array(kept.numbers), repairs, damaged + cut, skip_empty=skip_empty)
     comment = () if sheet.header or not len(sheet) else _comment_above(before, separator, len(sheet.columns))
     return replace(sheet, comment=comment, pwm_period_s=period_s, recorded=recorded)
 
@@ -325,15 +329,19 @@ def heaters_in(path: Path) -> list[str]:
     return heater_names(_written_lines(_text(path, data, []), 0)[0])
 
 
-def _sheet_of_grid(path: Path, grid: Grid, lines: Lines, repairs: list[str], lost: int) -> Sheet:
+def _sheet_of_grid(
+    path: Path, grid: Grid, lines: Lines, repairs: list[str], lost: int, *, skip_empty: bool
+) -> Sheet:
     """Return the sheet of a table, which is searched for its header."""
     header, above, below = take_header(lines, grid, repairs)
-    kept = _without_partial_rows(path, lines, grid, below, repairs)
+    kept = _without_partial_rows(path, lines, grid, below, repairs, skip_empty=skip_empty)
     return Sheet(file=str(path), header=header, comment=(), columns=grid.at_rows(kept), lines=lines[kept],
                  repairs=tuple(repairs), above=above, lost=lost + int(np.count_nonzero(below & ~kept)))
 
 
-def _sheet_of(path: Path, table: FormatTable, repairs: list[str], lost: int, skip_rows: int = 0) -> Sheet:
+def _sheet_of(
+    path: Path, table: FormatTable, repairs: list[str], lost: int, skip_rows: int = 0, *, skip_empty: bool
+) -> Sheet:
     """Return the sheet of a table that a format's parser made; one without a header is searched for it."""
     repairs += table.repairs
     rows, lines, header = table.rows, np.array(table.lines, dtype=np.int64), table.header
@@ -343,17 +351,19 @@ def _sheet_of(path: Path, table: FormatTable, repairs: list[str], lost: int, ski
         raise LogError("the file is empty", file=path, expected="rows of time and temperature")
     grid = Grid(drain(rows), len(header) or _usual_width(rows[-_HEADER_SAMPLE:]))
     if header:
-        kept = _without_partial_rows(path, lines, grid, np.ones(len(grid), dtype=np.bool_), repairs)
+        kept = _without_partial_rows(path, lines, grid, np.ones(len(grid), dtype=np.bool_), repairs,
+                                     skip_empty=skip_empty)
         sheet = Sheet(file=str(path), header=header, comment=(), columns=grid.at_rows(kept), lines=lines[kept],
                       repairs=tuple(repairs), lost=lost + int(np.count_nonzero(~kept)))
     else:
         _without_empty_ends(grid, repairs)
-        sheet = _sheet_of_grid(path, grid, lines, repairs, lost)
+        sheet = _sheet_of_grid(path, grid, lines, repairs, lost, skip_empty=skip_empty)
     return replace(sheet, part=table.part, sessions=table.sessions, session=table.session)
 
 
 def _usual_width(rows: Iterable[Sequence[str]]) -> int:
-    return Counter(map(len, rows)).most_common(1)[0][0]
+    """Return the most usual number of cells, the larger one of equals: rows are cut off rather than lengthened."""
+    return max(Counter(map(len, rows)).items(), key=lambda pair: pair[::-1])[0]
 
 
 def _with_closed_quotes(path: Path, numbered: NumberedLines, repairs: list[str]) -> tuple[NumberedLines, int]:
@@ -479,11 +489,24 @@ def _separator(lines: Sequence[str]) -> str | None:
     if "," in marks and _is_spaced(lines[-1]):
         marks.remove(",")
     if len(marks) < 2:
-        return marks[0] if marks else None
+        return marks[0] + _mark_of_some(lines, marks[0]) if marks else None
     shares = {mark: _share_of_values(lines, mark) for mark in marks}
     best = next(mark for mark in marks if shares[mark] > max(shares.values()) - _ALIKE)
     both = max((one + other for one, other in combinations(marks, 2)), key=lambda mark: _share_of_values(lines, mark))
     return both if shares[best] < _MOST_WORDS and _share_of_values(lines, both) > _NEARLY_ALL else best
+
+
+def _mark_of_some(lines: Sequence[str], mark: str) -> str:
+    """Return the mark that some lines have in place of another one: with both nearly all have as many cells."""
+    def usual_share(marks: str) -> float:
+        widths = Counter(len(_one_mark(line, marks).split(marks[-1])) for line in lines)
+        return max(widths.values()) / len(lines)
+
+    others = [] if usual_share(mark) > _NEARLY_ALL else [
+        other for other in _MARKS
+        if other != mark and usual_share(other + mark) > _NEARLY_ALL
+        and _share_of_values(lines, other + mark) > _NEARLY_ALL]
+    return others[0] if len(others) == 1 else ""
 
 
 def _share_of_values(lines: Sequence[str], mark: str) -> float:

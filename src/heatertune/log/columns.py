@@ -53,6 +53,8 @@ from heatertune.log.timestamps import (
     is_hours_or_minutes,
     month_first,
     month_or_day_first,
+    past_hour,
+    past_midnight,
     stamp,
     year_turned,
 )
@@ -393,7 +395,6 @@ _THIS_CENTURY: Final = (946_684_800.0, 4_102_444_800.0)  # 2000 to 2100, in seco
 _LONGEST_STEP_S: Final = 500.0  # of a calendar's seconds: a counter of milliseconds has longer ones after weeks
 _EPOCHS: Final = ((1e17, "ns", 1e-9), (1e14, "us", 1e-6), (1e11, "ms", 1e-3))  # 19, 16 and 13 digits since 1970
 _UNEVEN: Final = 0.02
-_DAY: Final = 86400.0
 _SHEET_DAYS: Final = (20_000.0, 80_000.0)  # days since 1900 as spreadsheets count them: 1954 to 2119
 
 
@@ -506,8 +507,9 @@ def seconds(
     two = _two_numbers(sheet, columns, cells, unit)
     if two:
         repairs.append(f"The time was read as {two}.")
-        each_s = 60.0 if two == "hh:mm" else 1.0
-        return LogSignal(_past_midnight(each_s * cells.numbers(_sixties), repairs), two, two)
+        sixties = cells.numbers(_sixties)
+        time = past_midnight(60.0 * sixties, repairs) if two == "hh:mm" else past_hour(sixties, repairs)
+        return LogSignal(time, two, two)
     if is_date_in_digits(cells[0]) and all(map(is_date_in_digits, cells.kinds())):
         repairs.append("The digits of the time are dates and were converted to seconds from the first row.")
         return LogSignal(_from_stamps(sheet, columns, cells, repairs), "stamps", "stamps")
@@ -639,20 +641,7 @@ def _from_stamps(sheet: Sheet, columns: Columns, cells: CellColumn, repairs: lis
         if (moment.tzinfo is None) != (first.tzinfo is None):
             raise cell_error(sheet, columns, "time", row, "with and without a time zone:", f"all like {cells[0]}")
         elapsed_s[row] = (moment - first).total_seconds()
-    return _past_midnight(elapsed_s, repairs) if is_clock(cells[0]) else elapsed_s
-
-
-def _past_midnight(time: Array, repairs: list[str]) -> Array:
-    """Return times of day that go on after midnight."""
-    nights = np.flatnonzero(np.diff(time) < -_DAY / 2.0) + 1
-    if not len(nights):
-        return time
-    repairs.append(f"The time of day passes midnight {len(nights)} times; a day was added at each."
-                   if len(nights) > 1 else "The time of day passes midnight; a day was added there.")
-    time = time.copy()
-    for row in nights:
-        time[row:] += _DAY
-    return time
+    return past_midnight(elapsed_s, repairs) if is_clock(cells[0]) else elapsed_s
 
 
 def forwards(sheet: Sheet, time: Array, repairs: list[str]) -> tuple[Sheet, Array]:

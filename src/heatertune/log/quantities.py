@@ -39,13 +39,14 @@ _NAMES: Final[dict[str, re.Pattern[str]]] = {
         r"|设定|設定|목표|설정|уставк|заданн|zadan|žádan|börvärde|asetusarvo|ayar değeri|riferimento)"),
     "time": re.compile(
         r"(?i:time|zeit|\bdate|datum|elapsed|^milli|^sec|^minutes?$|^hours?$|^m?s$|^tage$|^days?$"
-        r"|last.?(chang|updat)ed|^(tiempo|tempo|tijd|tid|czas|čas|zaman|aika|hora|heure|fecha|godzina|data)\b"
+        r"|last.?(chang|updat)ed|^(tiempo|tempo|tijd|tid|czas|čas|zaman|aika|hora|heure|fecha|godzina|data)\b(?!\.\w)"
         r"|^(дата|время|час|idő|dátum|χρόνος|ώρα|ημερομηνία|זמן|เวลา|thời gian|oră)\b"
         r"|时间|日期|時刻|日時|時間|年月日|시간|날짜|^temps ?[\[(/] ?(s|sec|ms|min|h)\b)"
         r"|^ts$|^t$|^[tT]s? ?[\[(/ ] ?(s|sec|[mnuµμ]s|min|h)\b"),
     "temperature": re.compile(
         r"(?i:(?<!pid )(?<!pid)temp|\bpv\d*\b|process.?va|istwert|\bist\b|actual(?!.*(power|output|out|duty|%))|°[cf]"
-        r"|deg ?[cf]|kelvin|thermocouple|scaled.?input|teplot|lämpötil|s[ıi]cakl[ıi]k|температур|温度|現在値|測定値"
+        r"|deg ?[cf]|kelvin|thermocouple|scaled.?input|\bpid ?(compact|temp|3step)[^.]*\.input$"
+        r"|teplot|lämpötil|s[ıi]cakl[ıi]k|температур|温度|現在値|測定値"
         r"|온도|hőmérs|θερμοκρ|טמפרט|nhiệt độ|อุณหภูมิ)"
         r"|^T\d*$|^[tT]\d* ?[\[(/ ] ?[KCF]\b|\bT\d*$"),
     "power": re.compile(
@@ -53,7 +54,8 @@ _NAMES: Final[dict[str, re.Pattern[str]]] = {
         r"|stell|heiz|volt|watt|spannung|strom|\bcurrent|\bamp(s|ere)?\b"
         r"|^control( signal| value)?$|manipulat|ausgang|\bactive ?out"
         r"|\belement ?\d*\b"
-    r"|relais|relay|\bssr\b|^heat$|\bout\d*\b|puissance|pot[eê]nci?a|potenza|vermogen|^moc\b|výkon|мощност|нагрев|功率|出力"
+    r"|relais|relay|\bssr\b|^heat$|heat ?(pct|percent|%)"
+        r"|\bout\d*\b|puissance|pot[eê]nci?a|potenza|vermogen|^moc\b|výkon|мощност|нагрев|功率|出力"
         r"|输出|加热|加熱|操作量|ヒータ|effekt|^güç|출력|히터|^teho\b|saída|salida|sortie|uscita|aquec|calefac|chauff|riscald|verwarm|grzał|topení|ohřev|ısıt"
         r"|värme\b|varme\b|pådrag|lämmit|fűt[eé]|teljesítm|θέρμανσ|ισχύ|потужн|нагрів|putere|încălz|הספק|חימום|กำลัง)"
         r"|\bMV\d*\b"),
@@ -66,7 +68,7 @@ _HEATED: Final = re.compile(
 
 #: used only if nothing else has the role: a room's temperature, a date next to the time of day, an electric current
 _SECOND_CHOICE: Final = re.compile(
-    r"(?i:ambient|room|\bext|outside|umgebung|raum|junction|board|cpu|^dat(e|um|a)$|^fecha$|^data\b|volt|watt|spannung|strom|\bcurrent"
+    r"(?i:ambient|room|\bext|outside|umgebung|raum|junction|board|cpu|^dat(e|um|a)$|^fecha$|^data\b(?!\.\w)|volt|watt|spannung|strom|\bcurrent"
     r"|\bamp(s|ere)?\b|^control|last.?updated)")
 
 #: after a unit of time in full: no second one follows, as in "hours, minutes and seconds"
@@ -95,7 +97,8 @@ _UNITS: Final[dict[str, tuple[tuple[str, re.Pattern[str]], ...]]] = {
         ("27648", re.compile(r"\boutput per$")),  # Siemens: Output_PER of PID_Compact is an analogue output
         ("255", re.compile(r"255|8.?bit|pwm.*counts")),
         ("1", re.compile(r"0\s*(\.\.\.?|…|-|–|to)\s*1\b(?!00)|fraction|p\.?u\.?\b")),
-        ("100", re.compile(r"main\.(active|working)out|%|pct|percent|prozent|0\s*(\.\.\.?|…|-|–|to)\s*100\b")),
+        ("100", re.compile(r"main\.(active|working)out|\bpid ?(compact|temp)[^.]*\.output(heat|cool)?$"
+                           r"|%|pct|percent|prozent|0\s*(\.\.\.?|…|-|–|to)\s*100\b")),
     ),
 }
 
@@ -166,9 +169,14 @@ def is_scaled(role: str, name: str) -> bool:
     return _SCALED["temperature" if role == "setpoint" else role].search(plain_name(name)) is not None
 
 
+#: characters of full width in names of Japanese and Chinese tools
+_WIDE: Final = str.maketrans("％（）［］：／", "%()[]:/")
+
+
 def plain_name(name: str) -> str:
     """Normalise a name: spaces for underscores, one notation for degrees, long names truncated."""
-    return name[:_LONGEST].replace("_", " ").strip().replace("º", "°").replace("℃", "°C").replace("℉", "°F")
+    plain = name[:_LONGEST].replace("_", " ").strip().translate(_WIDE)
+    return plain.replace("º", "°").replace("℃", "°C").replace("℉", "°F")
 
 
 _FIGURE: Final = r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?"

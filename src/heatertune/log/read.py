@@ -450,7 +450,7 @@ def _opened(
 ) -> tuple[Sheet, list[str]]:
     """Return the cells of a file with plain numbers, and the doubts about a built-in table."""
     sheet = with_names(read_sheet(table.path if table else source, content, settings.skip_rows, settings.tag,
-                                  settings.decimal_comma))
+                                  settings.decimal_comma, skip_empty=settings.skip_empty))
     if not len(sheet):
         raise LogError("the file holds a header and no readings", file=sheet.file, expected="at least 20 rows")
     doubts = list(table.doubts if table else ())

@@ -8,9 +8,13 @@ from datetime import date, datetime, timedelta, timezone
 from itertools import pairwise
 from typing import Final
 
+import numpy as np
+
+from heatertune.arrays import Array
+
 __all__ = [
     "STAMPS", "duration_s", "has_zone", "is_clock", "is_date", "is_date_in_digits", "is_day_or_month", "is_day_or_year",
-    "is_hours_or_minutes", "month_first", "month_or_day_first", "stamp", "year_turned",
+    "is_hours_or_minutes", "month_first", "month_or_day_first", "past_hour", "past_midnight", "stamp", "year_turned",
 ]
 
 
@@ -247,3 +251,30 @@ def month_first(cells: Iterable[str], *, turn: bool = False) -> str:
         if match and (turn or int(match[2]) > 12):
             return f"{match[2]}/{match[1]}/{match[3]}{cell[match.end():]}"
     return ""
+
+
+_HOUR: Final = 3600.0
+_DAY: Final = 86400.0
+
+
+def past_midnight(time: Array, repairs: list[str]) -> Array:
+    """Return times of day that go on after midnight, shape (n,) [s]; the repairs say so."""
+    return _past_end(time, _DAY, "time of day passes midnight", "a day", repairs)
+
+
+def past_hour(time: Array, repairs: list[str]) -> Array:
+    """Return minutes and seconds that go on after the full hour, shape (n,) [s]: of a spreadsheet's times of day."""
+    return time if np.any(time >= _HOUR) else _past_end(time, _HOUR, "time passes the full hour", "an hour", repairs)
+
+
+def _past_end(time: Array, whole_s: float, passes: str, period: str, repairs: list[str]) -> Array:
+    """Return the times of a clock that begins again after so many seconds."""
+    turns = np.flatnonzero(np.diff(time) < -whole_s / 2.0) + 1
+    if not len(turns):
+        return time
+    repairs.append(f"The {passes} {len(turns)} times; {period} was added at each." if len(turns) > 1
+                   else f"The {passes}; {period} was added there.")
+    time = time.copy()
+    for row in turns:
+        time[row:] += whole_s
+    return time

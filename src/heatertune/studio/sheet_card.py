@@ -189,7 +189,8 @@ class DroppedFile:
         sheet = None
         with suppress(LogError, IndexError):
             sheet = plain_cells(with_names(read_sheet(
-                Path(plain), content, settings.skip_rows, settings.tag, settings.decimal_comma)))
+                Path(plain), content, settings.skip_rows, settings.tag, settings.decimal_comma,
+                skip_empty=settings.skip_empty)))
         if sheet is None or not len(sheet):
             text = "" if b"\0" in content[:_LINES] else content[:_LINES * _LONGEST].decode("utf-8", "replace")
             lines = tuple(line[:_LONGEST] for line in text.splitlines()[:_LINES])

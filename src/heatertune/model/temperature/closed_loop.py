@@ -11,7 +11,7 @@ in between; between two calls the response of the plant is exact. All instants a
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
@@ -84,7 +84,9 @@ OWN = ("ambient_degC", "start_degC", "inner_start_degC", "setpoint_degC", "setpo
 CONSTANTS = 4
 
 
-def simulate_many(law: ControllerLaw, z: Array, own: int, h: float, readings: Whole, out: Array, at: int) -> Array:
+def simulate_many(
+    law: ControllerLaw, z: Array, own: int, h: float, readings: Whole, out: Array, at: int, closes: int = 0,
+) -> Array:
     """Write the temperature of n loops at the readings into the columns of out (n, m) from `at` on [°C].
 
     Returns the power of the last of them, scan by scan [%].
@@ -97,18 +99,20 @@ def simulate_many(law: ControllerLaw, z: Array, own: int, h: float, readings: Wh
         readings: scans before which the temperature was read, in order, shape (k,).
         out: of row after row, in C's order.
         at: column of the first reading.
+        closes: scan from which the law runs, the power being 0 before; below 0: it ran before, with the power of its
+            first scan.
     """
     run = compile_function(bound(_simulate_many, law_step=law.step))
     logarithmic = np.array([float(constant.logarithmic) for constant in law.constants])
     power = np.empty(int(readings[-1]) + 1)
     run(law.form, np.ascontiguousarray(z), own, logarithmic, float(h), readings, np.empty(4), np.zeros(CONSTANTS),
-        power, out, at)
+        power, out, at, closes)
     return power
 
 
 def _simulate_many(  # noqa: PLR0913 - compiled for the types of each
     form: int, z: Array, own: int, logarithmic: Array, h: float, readings: Whole, memory: Array, constants: Array,
-    power: Array, out: Array, at: int,
+    power: Array, out: Array, at: int, closes: int,
 ) -> None:
     """Fill out, arguments as above; `logarithmic`: 1 for each of the law's constants that is so given, else 0.
 
@@ -136,9 +140,11 @@ def _simulate_many(  # noqa: PLR0913 - compiled for the types of each
             while read < len(readings) and readings[read] == k:
                 out[i, at + read] = y
                 read += 1
-            power[k] = law_step(form, constants, memory, (before if k < event else after) - y, h)
-            older = power[k - whole - 1] if k > whole else 0.0
-            newer = power[k - whole] if k >= whole else 0.0
+            power[k] = 0.0 if k < closes else law_step(
+                form, constants, memory, (before if k < event else after) - y, h)
+            earlier = power[0] if closes < 0 else 0.0
+            older = power[k - whole - 1] if k > whole else earlier
+            newer = power[k - whole] if k >= whole else earlier
             y, x = advance_step(y, x, ambient + gain * older, begin)
             y, x = advance_step(y, x, ambient + gain * newer, end)
 
@@ -166,12 +172,14 @@ class LogSegment:
         law: the controller hypothesis.
         event: whether the setpoint steps once.
         ambient_degC: bounds of the ambient temperature.
+        closes: scan from which the law runs, as in `simulate_many`; the simulation begins a row before the log.
     """
 
     log: Log
     law: ControllerLaw
     event: bool
     ambient_degC: Bounds
+    closes: int = 0
     interval_s: float = field(init=False)
     scans: int = field(init=False)
     readings: npt.NDArray[np.intp] = field(init=False)
@@ -223,7 +231,19 @@ class LogSegment:
             at: its column of the segment's first reading.
             rows: how many readings.
         """
-        return simulate_many(self.law, z, own, self.interval_s, self.readings[:rows], out, at)
+        return simulate_many(self.law, z, own, self.interval_s, self.readings[:rows], out, at, self.closes)
+
+    @property
+    def title(self) -> str:
+        """The law, whether the setpoint steps, and when the loop was closed, if not just before the log."""
+        parts = [self.law.name, *(["setpoint step"] if self.event else [])]
+        if self.closes < 0:
+            parts.append("closed long before the log")
+        elif self.closes > 0:
+            first_s = float(self.log.time_s[0]) - (int(self.readings[0]) - self.closes) * self.interval_s
+            parts.append(f"closed at {first_s:.4g} s")
+        return ", ".join(parts)
+
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -272,8 +292,8 @@ class Hypothesis:
 
     @property
     def law_name(self) -> str:
-        """The laws and whether the setpoint steps, log after log."""
-        return " + ".join(s.law.name + (", setpoint step" if s.event else "") for s in self.segments)
+        """The laws, whether the setpoint steps, and when the loop was closed, log after log."""
+        return " + ".join(segment.title for segment in self.segments)
 
     @property
     def title(self) -> str:
@@ -311,6 +331,11 @@ class Hypothesis:
             end = float(time[min(rows, len(time)) - 1])
             parts.append(replace(segment, log=segment.log.window(float(time[0]), end), event=False))
         return self._with(tuple(parts))
+
+    def closing(self, scans: Sequence[int]) -> Hypothesis:
+        """Return the hypothesis with loops that are closed at these scans, log by log."""
+        return self._with(tuple(replace(segment, closes=closes)
+                                for segment, closes in zip(self.segments, scans, strict=True)))
 
     def adopt(self, z: Array, rng: np.random.Generator, n: int) -> Array:
         """Return vectors (k, p) of the hypothesis without events, each with n random instants for them: (n·k, p)."""

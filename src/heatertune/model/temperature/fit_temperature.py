@@ -7,24 +7,20 @@ messages about what such a log does not identify, and the joint candidates of se
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
-from heatertune.arrays import Array
 from heatertune.log.log_values import Log
 from heatertune.model.diagnostics import DROP_PCT, Remark, findings_of, poor_remarks
-from heatertune.model.least_squares import ResidualFunction, minimise
+from heatertune.model.least_squares import minimise
 from heatertune.model.model_values import Candidate, FitOutcome, FittedModel, Residuals
 from heatertune.model.reduction import COMBINATIONS, FIELDS
 from heatertune.model.statistics import (
     LJUNG_BOX_95,
     Interval,
-    ar1_bic,
     autocorrelation,
     block_resamples,
     envelope,
@@ -40,159 +36,14 @@ from heatertune.model.temperature.evidence import (
     evidence_notes,
     regulation_remarks,
 )
+from heatertune.model.temperature.hypothesis_fits import EARLY, Fit, constant_rmse, fit_all, residuals_of
+from heatertune.model.temperature.rival_fits import extremes, rival_fits
 from heatertune.units import NOMENCLATURE
 
 __all__ = [
-    "EARLY", "Fit", "ambient_note", "event_notes", "fit_all", "fit_temperature", "foretelling_remarks", "foretells",
-    "joint_note", "limit_remarks", "lost_notes", "residuals_of", "room_bounds",
-    "share_remarks", "validation_notes",
+    "ambient_note", "event_notes", "fit_temperature", "foretelling_remarks", "foretells", "joint_note", "limit_remarks",
+    "lost_notes", "room_bounds", "share_remarks", "validation_notes",
 ]
-
-_FOLDS, _BLOCKS = 5, 20  # each fold leaves out every fifth of twenty blocks: longer than the residuals remember
-
-
-_RANDOM, _RACERS, _FINALISTS = 1500, 12, 3
-_ROUNDING = 1e-9  # of a sum of squares, many times the effect of the order of summation
-_EVENT_INSTANTS = 24  # instants tried for a setpoint step
-#: share of the record that the first look takes
-EARLY = 0.4
-_HOPELESS = 40.0  # BIC behind the leader after the race
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Fit:
-    """The best fit of a hypothesis.
-
-    Attributes:
-        hypothesis: the fitted one.
-        vector: the unknowns, shape (p,).
-        simulated_degC: its readings, shape (m,).
-        fit_pct, rmse_degC, bic: quality of the fit; for several logs together, each about its own mean.
-        hold_out_rmse_degC: error on the later readings of a fit to the beginning alone [°C].
-        cross_rmse_degC: error on omitted blocks [°C], None for a hypothesis that was dropped.
-    """
-
-    hypothesis: Hypothesis
-    vector: Array
-    simulated_degC: Array
-    fit_pct: float
-    rmse_degC: float
-    bic: float
-    hold_out_rmse_degC: float
-    cross_rmse_degC: float | None = None
-
-
-class _Beginning(NamedTuple):
-    """Fits to the start of a record: vectors, BIC there, and the error on the rest [°C]."""
-
-    vectors: Array
-    bic: float
-    hold_out_rmse_degC: float
-
-
-def residuals_of(hypothesis: Hypothesis, measured: Array) -> ResidualFunction:
-    """Return the residual function; `measured` is one record for all rows, shape (m,), or one per row, shape (n, m)."""
-
-    def residuals(z: Array, rows: npt.NDArray[np.intp]) -> Array:
-        record = measured if measured.ndim == 1 else measured[rows]
-        return hypothesis.simulate(z) - record
-
-    return residuals
-
-
-def fit_all(hypotheses: Sequence[Hypothesis], *, seed: int = 1, thorough: bool = False) -> list[Fit]:
-    """Return the fits of all competitive hypotheses, the best by BIC first.
-
-    Each is first fitted to the start of the record; the successful ones are fitted to the whole; those no more than 40
-    BIC points behind the best are fitted to convergence. The compiled loops run in parallel.
-
-    Args:
-        hypotheses: on the same readings.
-        seed: of the random starts.
-        thorough: fit every hypothesis completely, even if it is far behind.
-    """
-    behind = np.inf if thorough else _HOPELESS
-    forms = {hypothesis.form: hypothesis for hypothesis in hypotheses}
-    with ThreadPoolExecutor(max_workers=2) as pool:
-        begun = dict(zip(forms, pool.map(lambda form: _begin(forms[form], seed), forms), strict=True))
-        first = min(beginning.bic for beginning in begun.values())
-        able = [h for h in hypotheses if begun[h.form].bic < first + behind]
-        raced = list(pool.map(lambda hypothesis: _race(hypothesis, begun[hypothesis.form], seed), able))
-        leader = min(fit.bic for fit in raced)
-        near = [fit.bic < leader + behind for fit in raced]
-        fits = list(pool.map(lambda fit, worth: _descend(fit) if worth else fit, raced, near))
-    return sorted(fits, key=lambda fit: fit.bic)
-
-
-def _begin(hypothesis: Hypothesis, seed: int) -> _Beginning:
-    """Fit the start of the record, which has few events and contains the heat-up."""
-    rng = np.random.default_rng(seed)
-    early = hypothesis.early(EARLY)
-    finalists = _descent(early, _best_of(early, early.starts(rng, _RANDOM), _RACERS), 25)[:_FINALISTS]
-    error = early.measured - early.simulate(finalists[:1])[0]
-    held_out = hold_out_rmse(hypothesis, early, _descent(early, finalists[:1], 60)[0])
-    return _Beginning(finalists, _bic(early, error), held_out)
-
-
-def _race(hypothesis: Hypothesis, beginning: _Beginning, seed: int) -> Fit:
-    """Return the leader of a short race between random starts and the fits of the record's beginning."""
-    rng = np.random.default_rng(seed)
-    seeds = hypothesis.adopt(beginning.vectors, rng, _EVENT_INSTANTS)
-    fresh = _best_of(hypothesis, _able(hypothesis, hypothesis.starts(rng, _RANDOM), _RACERS // 2), _RACERS // 2)
-    leaders = _descent(hypothesis, np.concatenate([seeds, fresh]), 8)[:_RACERS]
-    return _fit(hypothesis, _descent(hypothesis, leaders, 15)[0], beginning.hold_out_rmse_degC)
-
-
-def _descend(fit: Fit) -> Fit:
-    """Return the fit at rest; an event's instant is moved by some scans each way until that gains nothing."""
-    hypothesis = fit.hypothesis
-    z = _descent(hypothesis, fit.vector[None, :], 60)[0]
-    for _ in range(4 * any(segment.event for segment in hypothesis.segments)):
-        moved = _descent(hypothesis, hypothesis.shifted_events(z), 10)[0]
-        if np.array_equal(moved, z):
-            break
-        z = moved
-    return replace(_fit(hypothesis, z, fit.hold_out_rmse_degC), cross_rmse_degC=cross_rmse(hypothesis, z))
-
-
-def _best_of(hypothesis: Hypothesis, z: Array, n: int) -> Array:
-    """Return the n vectors with the smallest sums of squares, best first."""
-    return np.asarray(z[np.argsort(hypothesis.squares(z), kind="stable")[:n]])
-
-
-def _able(hypothesis: Hypothesis, z: Array, n: int) -> Array:
-    """Return the vectors that can be among the n best, in order.
-
-    Sums of squares only grow: a vector with more at the start than n others have in total is excluded.
-    """
-    begun = hypothesis.squares(z, EARLY)
-    most = float(hypothesis.squares(z[np.argsort(begun, kind="stable")[:n]]).max())
-    return np.asarray(z[begun <= most * (1.0 + _ROUNDING)])
-
-
-def _descent(hypothesis: Hypothesis, starts: Array, iterations: int) -> Array:
-    """Return the local optima of the starts, best first."""
-    residuals = residuals_of(hypothesis, hypothesis.measured)
-    minima = minimise(residuals, starts, hypothesis.low, hypothesis.high, iterations=iterations)
-    return np.asarray(minima.parameters[np.argsort(minima.cost, kind="stable")])
-
-
-def _fit(hypothesis: Hypothesis, z: Array, hold_out_rmse_degC: float) -> Fit:
-    measured, simulated = hypothesis.measured, hypothesis.simulate(z[None, :])[0]
-    error = measured - simulated
-    # a log's level is no merit of a model, so each log is taken about its own mean
-    about_means = np.concatenate([part - part.mean() for part in hypothesis.parts(measured)])
-    return Fit(
-        hypothesis=hypothesis, vector=z, simulated_degC=simulated, fit_pct=fit_pct(about_means, about_means - error),
-        rmse_degC=float(np.sqrt(np.mean(error**2))), bic=_bic(hypothesis, error), hold_out_rmse_degC=hold_out_rmse_degC,
-    )
-
-
-def _bic(hypothesis: Hypothesis, error: Array) -> float:
-    """Return the BIC over all logs; the noise of each is its own."""
-    alone = sum(ar1_bic(part, 0) for part in hypothesis.parts(error))
-    return alone + hypothesis.unknowns * float(np.log(len(error)))
-
 
 _LEAST = 2.0 / 3.0  # of the span, that the power has to move the model by
 _CANCELLED = 3.0  # of the span: beyond that, power and initial state cancel
@@ -346,8 +197,6 @@ _NO_POWER_BUT_SETPOINT = Remark("no-power", (
 
 #: measures in the unit of the power
 _OF_GAIN: Final = ("gain_degC_per_pct", "gain_per_time_constant_degC_per_s_pct")
-_OPTIMA = 24  # starts of each hypothesis
-_AS_CLOSE = 1.5  # times the smallest error
 _NEAR = 10.0  # BIC points within which a model explains the log nearly as well
 _FOPDT_NEAR = 3.0  # fit [%] within which the best single lag stays a candidate
 _POOR = 60.0
@@ -365,7 +214,7 @@ def fit_temperature(
 
     Hypotheses: each law, one lag and two, with and without one setpoint step. They are ranked by BIC with AR(1) errors
     on identical rows; those within 10 points stay, and the best single lag if its fit is within 3 % of the best.
-    Before a time constant or dead time is called identified, the rivals of `_optima` are added.
+    Before a time constant or dead time is called identified, `rival_fits` are added.
     Several logs are of one heater: one plant, each log with its own law, setpoint, ambient and initial state; the laws
     tried together are those that explain a log alone.
 
@@ -387,10 +236,10 @@ def fit_temperature(
     claimed = _intervals(_best(kept), kept, ranges, ambient_degC)
     if (claimed["time_constant_s"] or claimed["dead_time_s"]) and any(log.output_limit_pct is None for log in used):
         ranked = ranked if thorough or len(used) > 1 else fit_all(singles[0], seed=seed, thorough=True)
-        optima = _optima(ranked, seed)
-        ranked = sorted([*ranked, *optima], key=lambda fit: fit.bic)
-        kept = _with_rivals(ranked, optima)
-        ranges = _ranges(_best(kept), [*kept, *optima], seed, ambient_degC)
+        rivals = rival_fits(ranked, seed)
+        ranked = sorted([*ranked, *rivals], key=lambda fit: fit.bic)
+        kept = _with_rivals(ranked, rivals)
+        ranges = _ranges(_best(kept), [*kept, *rivals], seed, ambient_degC)
     best = _best(kept)
     law, against = list(_law_remarks(best, logs)), list(_contradictions(best, kept))
     power = [] if law else list(_power_remarks(used, ranges, largest_power_pct))
@@ -498,30 +347,9 @@ def _best(fits: Sequence[Fit]) -> Fit:
     return max(fits, key=lambda fit: fit.fit_pct)
 
 
-def _optima(ranked: Sequence[Fit], seed: int) -> list[Fit]:
-    """Return the fits from many starts without events whose error is at most half as large again as the smallest.
-
-    The laws are readings of one program. A controller that samples more slowly, or feeds its noise back, may fit its
-    own law worse than another law with another heater, by far more than the criterion's 10 points.
-    """
-    fits: list[Fit] = []
-    for fit in ranked:
-        hypothesis = fit.hypothesis
-        if not any(segment.event for segment in hypothesis.segments):
-            starts = _best_of(hypothesis, hypothesis.starts(np.random.default_rng(seed), _RANDOM), _OPTIMA)
-            fits += [_fit(hypothesis, z, fit.hold_out_rmse_degC) for z in _descent(hypothesis, starts, 60)]
-    most = _AS_CLOSE * min(fit.rmse_degC for fit in (*ranked, *fits))
-    return [fit for fit in fits if fit.rmse_degC <= most]
-
-
-def _with_rivals(ranked: Sequence[Fit], optima: Sequence[Fit]) -> list[Fit]:
-    """Return the fits that stay, and the optima with the least and the largest of each measure."""
-    kept = _kept(ranked)
-    inside = [fit for fit in optima if not fit.hypothesis.limits_reached(fit.vector)]
-    for measure in (FIELDS | COMBINATIONS).values():
-        values = [measure(fit.hypothesis.plant(fit.vector)) for fit in inside]
-        kept += [inside[int(place(values))] for place in (np.argmin, np.argmax) if values]
-    return list(dict.fromkeys(kept))
+def _with_rivals(ranked: Sequence[Fit], rivals: Sequence[Fit]) -> list[Fit]:
+    """Return the fits that stay, and the rivals with the least and the largest of each measure."""
+    return list(dict.fromkeys([*_kept(ranked), *extremes(rivals)]))
 
 
 def _ranges(best: Fit, fits: Sequence[Fit], seed: int, ambient_degC: Bounds | None) -> dict[str, Interval]:
@@ -645,44 +473,3 @@ def _notes(
     if lost:
         notes.append("A log of the power, or one open-loop step of known size until the temperature rests, settles it.")
     return tuple(notes)
-
-
-def hold_out_rmse(hypothesis: Hypothesis, early: Hypothesis, vector: Array) -> float:
-    """Return the error on the readings after `early`, which `vector`, shape (p,), was fitted to [°C]."""
-    whole = hypothesis.without_events()
-    error = whole.simulate(vector[None, :])[0] - whole.measured
-    return _rms(np.concatenate(_later(hypothesis, early, error)))
-
-
-def constant_rmse(hypothesis: Hypothesis, early: Hypothesis) -> float:
-    """Return the error of predicting the same readings by their mean [°C]: a larger error means no predictive value."""
-    return _rms(np.concatenate([part - part.mean() for part in _later(hypothesis, early, hypothesis.measured)]))
-
-
-def cross_rmse(hypothesis: Hypothesis, vector: Array) -> float:
-    """Return the prediction error on blocks of readings omitted from the fit, each block once [°C].
-
-    The first block of a log is never omitted, because it defines the initial state. Each fit starts at `vector`, shape
-    (p,).
-    """
-    measured = hypothesis.measured
-    rows = [len(segment.log.time_s) for segment in hypothesis.segments]
-    block = np.concatenate([np.arange(n) * _BLOCKS // n for n in rows])
-    left_out = np.array([(block % _FOLDS == fold) & (block > 0) for fold in range(_FOLDS)])
-
-    def residuals(z: Array, rows: npt.NDArray[np.intp]) -> Array:
-        return np.where(left_out[rows], 0.0, hypothesis.simulate(z) - measured)
-
-    starts = np.repeat(vector[None, :], _FOLDS, axis=0)
-    refits = minimise(residuals, starts, hypothesis.low, hypothesis.high, iterations=15).parameters
-    return _rms((hypothesis.simulate(refits) - measured)[left_out])
-
-
-def _later(hypothesis: Hypothesis, early: Hypothesis, values: Array) -> list[Array]:
-    """Return each log's part of the values after its beginning."""
-    seen = [len(segment.log.time_s) for segment in early.segments]
-    return [part[n:] for part, n in zip(hypothesis.parts(values), seen, strict=True)]
-
-
-def _rms(error: Array) -> float:
-    return float(np.sqrt(np.mean(error**2)))
