@@ -18,7 +18,7 @@ from tests.zones.test_joint import separate
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler, cc")
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.sample) for seed in (2, 3))])
 @pytest.mark.long
 def test_no_pass_of_a_drawn_network_is_false(seed):
     found = case(seed, most_zones=3)

@@ -78,6 +78,7 @@ def test_every_command_has_an_example():
 
 @pytest.mark.doc
 @pytest.mark.essential
+@pytest.mark.contained  # in tests/chain/test_same_request.py
 @pytest.mark.long
 def test_the_readmes_python_runs(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)

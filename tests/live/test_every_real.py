@@ -10,6 +10,7 @@ from types import SimpleNamespace
 
 import pytest
 from tests.bench import sessions
+from tests.conftest import state_with_key
 from tests.live.conftest import hasty_clock
 from tests.live.modbus_device import Device
 
@@ -37,7 +38,7 @@ def proven(tmp_path_factory):
 
 @pytest.fixture(autouse=True)
 def own_state(tmp_path, monkeypatch):
-    monkeypatch.setenv("HEATERTUNE_STATE", str(tmp_path / "state"))
+    monkeypatch.setenv("HEATERTUNE_STATE", state_with_key(tmp_path / "state"))
 
 
 @pytest.fixture
