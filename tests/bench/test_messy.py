@@ -47,7 +47,7 @@ def test_an_export_is_fitted_to_its_heater_or_is_a_question_with_an_answer(tmp_p
 THREE = {tool for tool, count in Counter(tool for tool, *_ in WRITERS).items() if count == len(LEVELS)}
 
 
-@pytest.mark.long(60)
+@pytest.mark.long
 @pytest.mark.parametrize(("tool", "level"), [
     pytest.param(tool, level, marks=[pytest.mark.sample] * (level == "clean" and tool in THREE))
     for tool, level, _ in WRITERS if (tool, level) not in QUICK])
@@ -70,7 +70,7 @@ def test_the_bench_sees_a_wrong_heater_and_a_refusal(tmp_path):
     assert ACCUSED not in table.split("2 exports")[0]
 
 
-@pytest.mark.long(15)
+@pytest.mark.long
 def test_no_damage_to_an_export_ends_in_anything_but_a_log_or_one_line():
     made = list(exports())
     outcomes = set()

@@ -23,7 +23,7 @@ def test_the_bench_sees_a_wrong_heater():
 SEEDS = (0, 4, 8, 10, 11, 12, 17, 19)
 
 
-@pytest.mark.long(80)
+@pytest.mark.long(15)
 def test_of_eight_drawn_logs_none_gives_a_wrong_heater():
     # `python -m tests.bench.signed_logs` draws 200
     counts = Counter(judge(*drawn(seed))[0] for seed in SEEDS)
