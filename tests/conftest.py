@@ -148,7 +148,7 @@ def pytest_collection_modifyitems(config, items):
     result = yield
     longest, first = defaultdict(float), {}
     for place, item in enumerate(items):
-        longest[item.path] += max((_seconds(mark) for mark in item.iter_markers("long")), default=0.0)
+        longest[item.path] += max((_seconds(mark) for mark in item.iter_markers("long")), default=0.1)
         first.setdefault(item.path, place)
     items.sort(key=lambda item: (-longest[item.path], first[item.path]))
     return result
