@@ -4,6 +4,7 @@ import fcntl
 import io
 import os
 import random
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -18,6 +19,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 
+from heatertune import cache
 from heatertune.chain import precompile
 from heatertune.cli import main
 from heatertune.compiled import dispatch
@@ -39,21 +41,26 @@ MAIN_JOB = ("design", "table4", "--target", "s5-ob251")
 _PLAIN_SCANS = dispatch._PLAIN_SCANS
 
 #: no deadline: a machine that others use, too, is now and then slow
-_IN_CI = 200
+_DEEP = 500
 _WITHOUT_CLOCK = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
 settings.register_profile("quick", max_examples=20, **_WITHOUT_CLOCK)
 settings.register_profile("dev", max_examples=100, **_WITHOUT_CLOCK)
-settings.register_profile("ci", max_examples=_IN_CI, print_blob=True, **_WITHOUT_CLOCK)
+settings.register_profile("ci", max_examples=100, print_blob=True, **_WITHOUT_CLOCK)
+settings.register_profile("deep", max_examples=_DEEP, print_blob=True, **_WITHOUT_CLOCK)
 settings.load_profile("dev")
 
 
-def tried(dev, ci):
-    """How often a test tries what chance decides, in each profile."""
-    return ci if settings().max_examples == _IN_CI else dev
+def tried(dev, deep):
+    """How often a test tries what chance decides: in a run of all tests, which CI's is, and in the profile for long nights."""
+    return deep if settings().max_examples == _DEEP else dev
 
 
 #: what keeps a test out of the fast ones
 SLOW = ("long", "law", "brute", "doc")
+
+
+#: what keeps a test out of a run of all tests
+LEFT_OUT = ("contained", "sample")
 
 
 #: of pytest's own cache
@@ -110,6 +117,7 @@ def pytest_configure(config):
         os.environ[_SELECTION] = "short" if _is_short(config) else "all"
     if os.environ[_SELECTION] == "short" and config.getoption("--hypothesis-profile") is None:
         settings.load_profile("quick")
+    config.option.loadscopereorder = False  # files in the order of pytest_collection_modifyitems, not by how many tests they have
     os.environ["HEATERTUNE_CACHE"] = str(config.cache.mkdir(_CACHE))
     os.environ["HEATERTUNE_STATE"] = str(config.cache.mkdir(f"{_CACHE}-state"))
 
@@ -129,17 +137,26 @@ def pytest_sessionstart(session):
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
 def pytest_collection_modifyitems(config, items):
-    """Mark as fast what bears no other mark, before -m chooses; begin with what takes longest, after the order is random."""
+    """Mark as fast what bears no other mark, before -m chooses; begin with the files that take longest, after the order is random."""
     for item in items:
         if not any(item.get_closest_marker(mark) for mark in SLOW):
             item.add_marker("fast")
     if config.option.all:
-        _deselect(config, items, {item.nodeid for item in items if item.get_closest_marker("contained")})
+        _deselect(config, items, {item.nodeid for item in items if any(map(item.get_closest_marker, LEFT_OUT))})
     if os.environ[_SELECTION] == "short":
         _deselect(config, items, {item.nodeid for item in items} - _selection(items))
     result = yield
-    items.sort(key=lambda item: -max((mark.kwargs.get("seconds", 0) for mark in item.iter_markers("long")), default=0))
+    longest, first = defaultdict(float), {}
+    for place, item in enumerate(items):
+        longest[item.path] += max((_seconds(mark) for mark in item.iter_markers("long")), default=0.1)
+        first.setdefault(item.path, place)
+    items.sort(key=lambda item: (-longest[item.path], first[item.path]))
     return result
+
+
+def _seconds(mark):
+    """Return how long a test takes by its mark [s]."""
+    return mark.kwargs.get("seconds", next(iter(mark.args), 2.0))
 
 
 _PROCESSOR_TIME = pytest.StashKey[dict[str, float]]()
@@ -229,6 +246,15 @@ def machine_code(request):
         patch.setattr(dispatch, "folder", lambda: place)
         patch.setattr(precompile, "processors", lambda: 1)  # what is compiled is compiled in turn, not beside
         yield
+
+
+def state_with_key(place):
+    """Make a state folder with the key of this run's, so that what its tests have proven is read there; return it as a text."""
+    own = Path(os.environ["HEATERTUNE_STATE"])
+    if cache.mark("") is not None:  # which makes the key
+        place.mkdir(mode=0o700, parents=True, exist_ok=True)
+        shutil.copy(own / "cache.key", place / "cache.key")
+    return str(place)
 
 
 @pytest.fixture(scope="session")

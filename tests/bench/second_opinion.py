@@ -355,15 +355,23 @@ FOUND = ("highest", "lowest", "absolute", "settled", "rest_integral", "rest_high
          "later_lowest", "later_mean", "later_swing", "later_s", "repeats")
 
 
+_LOADED = []
+
+
 def compiled(folder):
-    """Return the C program, compiled into a folder; raise FileNotFoundError where there is no compiler.
+    """Return the C program, compiled once in a process; raise FileNotFoundError where there is no compiler.
 
     Not with GCC's vectors of straight code: GCC 12 leaves out a rounding to float there, of arduino's OutMax.
+
+    Args:
+        folder: where the first call puts it.
     """
-    library = Path(folder) / "second_opinion.so"
-    subprocess.run(["cc", "-O3", "-fno-tree-slp-vectorize", "-ffp-contract=off", "-shared", "-fPIC", "-o", str(library), str(SOURCE),
-                    "-lm"], check=True)
-    return ctypes.CDLL(str(library))
+    if not _LOADED:
+        library = Path(folder) / "second_opinion.so"
+        subprocess.run(["cc", "-O3", "-fno-tree-slp-vectorize", "-ffp-contract=off", "-shared", "-fPIC", "-o", str(library), str(SOURCE),
+                        "-lm"], check=True)
+        _LOADED.append(ctypes.CDLL(str(library)))
+    return _LOADED[0]
 
 
 @dataclass

@@ -7,17 +7,17 @@ from heatertune.proof.as_left import as_left
 from tests.bench.as_left_power import WAYS, drawn, main, proven, run, told, trace
 
 
-@pytest.mark.long(20)
+@pytest.mark.long
 def test_a_reserve_is_told_within_its_tolerance_however_the_power_is_written():
     assert main(1, 3) == 0
 
 
-@pytest.mark.long(40)
+@pytest.mark.long
 def test_drawn_loops_are_as_proven_and_weaker_heaters_are_told():
     assert main(6, 300) == 0
 
 
-@pytest.mark.long(20)
+@pytest.mark.long
 def test_pulses_with_instants_of_their_own_are_measured_and_drawn_between_slow_readings():
     case = drawn(3)
     parts, curves = proven(case), run(case)

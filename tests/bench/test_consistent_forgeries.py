@@ -7,7 +7,7 @@ from tests.bench.consistent_forgeries import of_logs
 from tests.live.conftest import hasty_clock
 
 
-@pytest.mark.long(60)
+@pytest.mark.long(25)
 def test_a_log_that_was_exchanged_consistently_is_neither_exported_nor_written(tmp_path, monkeypatch):
     monkeypatch.setenv("HEATERTUNE_STATE", str(tmp_path / "state"))
     monkeypatch.setattr(plc_block, "HOST", hasty_clock())

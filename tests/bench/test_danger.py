@@ -141,7 +141,7 @@ FALSE_ONCE = (("warm start", 2), ("frozen readings", 1), ("saturation", 0), ("he
 INSIDE = (("one lag", 1), ("equal lags", 0), ("ambient drift", 0), ("gaps", 1), ("coloured noise", 0), ("coarse sensor", 0))
 
 
-@pytest.mark.long(seconds=15)
+@pytest.mark.long(seconds=40)
 def test_no_pass_is_a_false_one_and_most_heaters_inside_the_model_class_pass(whatever_pays):
     outcomes = [danger.run((kind, seed, ["s7-300"], "pi", False, None, None)) for kind, seed in FALSE_ONCE + INSIDE]
     assert danger.dangers(outcomes) == []

@@ -22,9 +22,9 @@ def library(tmp_path_factory):
 # one and two lags, noise, a ramp and a holdback, a preset, two setpoints, short pulses made up later, a profile, a boost, and every target; all
 # keep the limits of their runs
 @pytest.mark.parametrize(("number", "target"), [
-    (10154, "fb41"), (10109, "s5-ob251"), (10120, "s5-ob251"), (10138, "s7-200"), (20057, "s7-200-pid"), (4017, "s7-300"),
-    (4255, "weg"), (6, "klipper"), (100099, "weg"), (100875, "s7-300"), (2000005, "weg"),
-    (5000004, "iec-pid"), (5000012, "arduino-pid"), (5000024, "simple-pid"), (5000011, "esphome"),
+    (10154, "fb41"), (10109, "s5-ob251"), (10138, "s7-200"), (20057, "s7-200-pid"), (6, "klipper"), (100099, "weg"),
+    (100875, "s7-300"), (2000005, "weg"), (5000004, "iec-pid"), (5000012, "arduino-pid"), (5000024, "simple-pid"), (5000011, "esphome"),
+    *(pytest.param(*case, marks=pytest.mark.sample) for case in ((10120, "s5-ob251"), (4017, "s7-300"), (4255, "weg"))),
 ])
 @pytest.mark.long
 def test_what_passes_keeps_its_limits_in_another_simulation_five_times_as_long(library, number, target):

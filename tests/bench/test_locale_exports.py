@@ -20,7 +20,7 @@ def test_an_export_is_read_row_by_row_or_is_a_question_with_an_answer(name):
     assert found == RIGHT if not export.user else found in (RIGHT, REMEDY), said
 
 
-@pytest.mark.long(30)
+@pytest.mark.long
 @pytest.mark.parametrize("kind", sorted({name.partition(":")[0] for name in NAMES}))
 def test_every_export_is_read_row_by_row_or_is_a_question_with_an_answer(kind):
     for export in exports():

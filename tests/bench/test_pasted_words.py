@@ -189,7 +189,7 @@ def test_damaged_texts_are_read_or_refused_in_one_line():
     assert 0 < _thrown(400, 7) < 400
 
 
-@pytest.mark.long(60)
+@pytest.mark.long
 def test_thousands_of_damaged_texts_are_read_or_refused_in_one_line():
     assert 0 < _thrown(12000, 11) < 12000
 

@@ -19,10 +19,14 @@ def test_the_bench_sees_a_wrong_heater():
     assert judge(truth._replace(gain=1.5 * truth.gain), content)[0] == WRONG
 
 
-@pytest.mark.long(200)
-def test_of_twenty_drawn_logs_none_gives_a_wrong_heater():
+#: steps and closed loops, one column and two, a second lag, a later cooler, one that multiplies the loss
+SEEDS = (0, 4, 8, 10, 11, 12, 17, 19)
+
+
+@pytest.mark.long(15)
+def test_of_eight_drawn_logs_none_gives_a_wrong_heater():
     # `python -m tests.bench.signed_logs` draws 200
-    counts = Counter(judge(*drawn(seed))[0] for seed in range(20))
+    counts = Counter(judge(*drawn(seed))[0] for seed in SEEDS)
     assert counts[WRONG] == 0
     # three 95 % intervals and that of the cooling gain hold at once in 81 % of the logs, if they are independent
-    assert counts[HELD] >= 0.81 * (20 - counts[OPEN])
+    assert counts[HELD] >= 0.81 * (len(SEEDS) - counts[OPEN])

@@ -82,7 +82,7 @@ def test_the_ramp_found_is_the_fastest(words, found):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("setpoint", [36.0, 40.0, 46.0])
+@pytest.mark.parametrize("setpoint", [36.0, pytest.param(40.0, marks=pytest.mark.sample), 46.0])
 def test_where_the_step_is_a_real_the_ramp_found_is_the_fastest_within_3_percent(setpoint):
     options = Conditions(
         setpoint_degC=setpoint, switches={"order": "as_printed", "edge": "output_zero", "filter": "implicit"})

@@ -72,8 +72,9 @@ def in_the_studio(source, target, *, pressed):
     return proof.verdict, dict(proof.words.values), proof.words.sample_time_s
 
 
-@pytest.mark.long
-@pytest.mark.parametrize(("log", "target"), [("step", "s5-ob251"), ("step", "weg"), ("table4", "fb41")])
+@pytest.mark.long(seconds=20)
+@pytest.mark.parametrize(("log", "target"), [
+    ("step", "s5-ob251"), pytest.param("step", "weg", marks=pytest.mark.sample), ("table4", "fb41")])
 def test_the_same_request_gives_the_same_parameters_everywhere(log, target, step_log, tmp_path):
     source = step_log if log == "step" else log
     model, pid = str(tmp_path / "model.json"), str(tmp_path / "pid.json")
@@ -91,7 +92,7 @@ def test_the_same_request_gives_the_same_parameters_everywhere(log, target, step
         assert plain == one
 
 
-@pytest.mark.long
+@pytest.mark.long(seconds=20)
 def test_the_readmes_python_example_shows_the_parameters_of_its_first_command(main_job, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     text = README.read_text(encoding="utf-8")

@@ -41,7 +41,7 @@ def library(tmp_path_factory):
     return compiled(tmp_path_factory.mktemp("judge"))
 
 
-@pytest.mark.long
+@pytest.mark.long(seconds=10)
 def test_a_night_is_tried_under_every_setting_and_the_way_on_names_the_one_that_passes(library):
     held = find_passing_design(model_by_hand(HEATER), replace(ASKED, boost="none", setpoint_ramp="auto"))
     assert held.proof.hold_degC is not None
@@ -60,7 +60,7 @@ def test_a_night_is_tried_under_every_setting_and_the_way_on_names_the_one_that_
     assert find_passing_design(model_by_hand(HEATER), replace(ASKED, boost="none", conditions=known)).proof.verdict == "PASS"
 
 
-@pytest.mark.long
+@pytest.mark.long(seconds=10)
 def test_a_boost_with_other_gains_mends_what_winds_up(library, rated_only):
     # at the rated power; with the other powers a setpoint ramp is chosen instead, and what winds up stays NOT PROVEN
     heater, wanted = _rated(HEATER, ASKED, rated_only)
@@ -73,7 +73,7 @@ def test_a_boost_with_other_gains_mends_what_winds_up(library, rated_only):
     assert not told, f"{told} is beyond the limit by more than {SLACK}"
 
 
-@pytest.mark.long
+@pytest.mark.long(seconds=10)
 def test_a_sum_that_is_kept_at_the_limit_is_found_where_the_setpoint_rises_on_the_way_back(library):
     """With D the sum grows beyond full power while the reading rises; at the limit OB251 keeps it (default settings)."""
     heater, wanted = asked(2, "s5-ob251")
@@ -121,7 +121,7 @@ def _low_peak(library, heater, proof, conditions):
     return _peak(library, heater, proof, conditions, partial(low_overshoots, lowest=conditions.lowest_degC))
 
 
-@pytest.mark.long
+@pytest.mark.long(seconds=10)
 def test_a_short_open_circuit_is_found_where_it_overshoots_most(library, rated_only):
     # drawn, and passed once: after the story's 2 and 10 TN the limit is kept, at the rated power (at 121 % it is not: 51 %)
     heater, wanted = asked(6, "s7-300")
@@ -155,7 +155,7 @@ def test_in_a_stated_range_the_sum_overshoots_more_at_its_lowest_setpoint(librar
     assert 1.5 < length < 3.2
 
 
-@pytest.mark.long
+@pytest.mark.long(seconds=10)
 def test_other_words_keep_the_limit_after_a_short_open_circuit_too(library, rated_only):
     # at the rated power: at 121 % the plain words break limits of the test sequence itself (reheat overshoot: 47 %)
     heater, wanted = _rated(*asked(30, "s7-300"), rated_only)
@@ -168,7 +168,7 @@ def test_other_words_keep_the_limit_after_a_short_open_circuit_too(library, rate
     assert _peak(library, heater, mended.proof, mended.conditions)[0] < SHORT_SLACK
 
 
-@pytest.mark.long
+@pytest.mark.long(seconds=10)
 def test_a_restart_of_a_warm_heater_is_found_and_other_words_keep_the_limit_there(library, rated_only):
     # drawn, and passed once: with the heater hot, and cold, the limit is kept, at the rated power (at 121 % it is not: 27 %)
     heater, wanted = _rated(*asked(5, "s7-200"), rated_only)
@@ -185,7 +185,7 @@ def test_a_restart_of_a_warm_heater_is_found_and_other_words_keep_the_limit_ther
     assert _peak(library, heater, mended.proof, mended.conditions, restarts)[0] < SHORT_SLACK
 
 
-@pytest.mark.long
+@pytest.mark.long(seconds=10)
 def test_a_setpoint_ramp_is_slowed_down_where_a_long_open_circuit_winds_the_sum_up_beyond_it(library):
     # held within 2 °C of the reading the setpoint lets the sum grow for as long as the circuit is open: after 10 TN little of it
     # is beyond the power that holds the setpoint, after 40 TN all of it is. How far that leads is a matter of the ramp
@@ -215,7 +215,7 @@ def _after_40_tn(library, fitted, proof):
     return most
 
 
-@pytest.mark.long
+@pytest.mark.long(seconds=10)
 def test_where_nothing_mends_what_winds_up_under_one_setting_it_is_the_one_to_find_out():
     fitted = fit(read_log("table3"))
     # TA stays where the user gives it: at shorter intervals a boost with other gains mends it, see below
@@ -227,7 +227,7 @@ def test_where_nothing_mends_what_winds_up_under_one_setting_it_is_the_one_to_fi
     assert find_passing_design(fitted, known).proof.verdict == "PASS"
 
 
-@pytest.mark.long
+@pytest.mark.long(seconds=10)
 @pytest.mark.parametrize("target", ["esphome"])  # arduino-pid takes 75 s of a processor, weg 200 s
 def test_a_boost_at_a_shorter_interval_than_the_logs_mends_what_winds_up(library, target):
     # a boost that ends up to 17 s late lets the fastest heater rise by 0.36 °C/% · 100 % / 131 s · 17 s = 4.7 °C too far: more

@@ -39,14 +39,14 @@ def _run_page(page):
 
 
 @pytest.mark.doc
-@pytest.mark.long
+@pytest.mark.long(seconds=15)
 @pytest.mark.parametrize("page", [page for page in RUNNING if page not in PAPER])
 def test_the_blocks_of_a_page_print_what_it_shows(page, folder):
     _run_page(page)
 
 
 @pytest.mark.doc
-@pytest.mark.long
+@pytest.mark.long(seconds=20)
 def test_the_pages_on_the_papers_log_print_what_they_show(folder):
     for page in PAPER:
         _run_page(page)

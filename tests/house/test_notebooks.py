@@ -17,7 +17,7 @@ BROUGHT = {"tclab": ("tclab", "pyserial")}
 
 
 @pytest.mark.doc
-@pytest.mark.long
+@pytest.mark.long(seconds=25)
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_a_notebook_runs_from_top_to_bottom_and_prints_what_is_stored(path, tmp_path, witness):
     # in a process of its own: the notebook machinery brings warnings that are not ours

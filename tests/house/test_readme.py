@@ -39,7 +39,7 @@ def write_example_files(folder):
 
 
 @pytest.mark.doc
-@pytest.mark.long(seconds=40)
+@pytest.mark.long(seconds=200)
 @pytest.mark.parametrize("lines", [
     pytest.param(OWN_LINES, id="readme", marks=[pytest.mark.essential, pytest.mark.contained]),
     pytest.param(COMMAND_LINES + [example for example in EXAMPLES if example not in COMMAND_LINES], id="overview and help"),
@@ -78,6 +78,7 @@ def test_every_command_has_an_example():
 
 @pytest.mark.doc
 @pytest.mark.essential
+@pytest.mark.contained  # in tests/chain/test_same_request.py
 @pytest.mark.long
 def test_the_readmes_python_runs(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)

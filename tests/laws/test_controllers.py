@@ -1,4 +1,4 @@
-"""What holds for every room: 200 cases each, 1,000 in CI."""
+"""What holds for every room: 100 cases each in a run of all tests, others in each run."""
 
 import math
 from dataclasses import replace

@@ -12,6 +12,7 @@ import sys
 import pytest
 from tests.bench.kills import CELLS, OLD, Written, told
 from tests.bench.sessions import folder_in
+from tests.conftest import state_with_key
 
 from heatertune.live import hold
 from heatertune.live.client.connection import address_of
@@ -31,7 +32,7 @@ def made(tmp_path_factory):
 
 @pytest.fixture
 def here(made, tmp_path, monkeypatch):
-    monkeypatch.setenv("HEATERTUNE_STATE", str(tmp_path / "state"))
+    monkeypatch.setenv("HEATERTUNE_STATE", state_with_key(tmp_path / "state"))
     monkeypatch.setattr(hold, "LATE_S", 0.3)
     (tmp_path / "plan.csv").write_text("time_s,power_pct\n" + "".join(f"{at},{90 - 60 * (at % 2)}\n" for at in range(400)))
     written = Written(made)

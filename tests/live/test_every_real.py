@@ -10,6 +10,7 @@ from types import SimpleNamespace
 
 import pytest
 from tests.bench import sessions
+from tests.conftest import state_with_key
 from tests.live.conftest import hasty_clock
 from tests.live.modbus_device import Device
 
@@ -37,7 +38,7 @@ def proven(tmp_path_factory):
 
 @pytest.fixture(autouse=True)
 def own_state(tmp_path, monkeypatch):
-    monkeypatch.setenv("HEATERTUNE_STATE", str(tmp_path / "state"))
+    monkeypatch.setenv("HEATERTUNE_STATE", state_with_key(tmp_path / "state"))
 
 
 @pytest.fixture
@@ -89,11 +90,16 @@ def attacked(device, name, value, after):
 VALUES = (math.nan, math.inf, -math.inf, "frozen", "clamped")
 
 
+def every_real(*reads):
+    """Return each REAL with each value from one of some reads on: each two of the three in a run of all tests, all as samples."""
+    return pytest.mark.parametrize(("name", "value", "after"), [
+        pytest.param(name, value, after, marks=[pytest.mark.sample] * ((row + column - number) % len(reads) != 0))
+        for row, name in enumerate(REALS) for column, value in enumerate(VALUES) for number, after in enumerate(reads)])
+
+
 @pytest.mark.brute
 @pytest.mark.long
-@pytest.mark.parametrize("after", [1, 5, 8])
-@pytest.mark.parametrize("value", VALUES, ids=str)
-@pytest.mark.parametrize("name", REALS)
+@every_real(1, 5, 8)
 def test_a_write_is_not_done_on_it(proven, device, tmp_path, name, value, after):
     before, words = bytes(device.memory), proven.words.values
     attacked(device, name, value, after)
@@ -117,9 +123,7 @@ def test_a_write_is_not_done_on_it(proven, device, tmp_path, name, value, after)
 
 @pytest.mark.brute
 @pytest.mark.long
-@pytest.mark.parametrize("after", [4, 9, 12])
-@pytest.mark.parametrize("value", VALUES, ids=str)
-@pytest.mark.parametrize("name", REALS)
+@every_real(4, 9, 12)
 def test_an_experiment_leaves_no_heater_on(proven, device, tmp_path, monkeypatch, name, value, after):
     clock = hasty_clock()
     monkeypatch.setattr(hold, "HOST", clock)

@@ -7,6 +7,7 @@ import struct
 from types import SimpleNamespace
 
 import pytest
+from tests.conftest import state_with_key
 from tests.live.conftest import hasty_clock, words_of
 from tests.live.modbus_device import Device
 
@@ -32,7 +33,7 @@ PLAN = Steps(steps=((0.0, 0.0), (0.2, 90.0), (600.0, 20.0)))
 
 @pytest.fixture(autouse=True)
 def own_state(tmp_path, monkeypatch):
-    monkeypatch.setenv("HEATERTUNE_STATE", str(tmp_path / "state"))
+    monkeypatch.setenv("HEATERTUNE_STATE", state_with_key(tmp_path / "state"))
 
 
 @pytest.fixture

@@ -23,6 +23,7 @@ import pytest
 from tests.bench import cuts, signal_table, signals
 from tests.bench.gateway import Gateway
 from tests.bench.outage import Door, Experiment, Network, why_not
+from tests.conftest import state_with_key
 from tests.live.conftest import PROTOCOLS, words_of
 from tests.live.test_client import way
 
@@ -47,7 +48,7 @@ def by_hand(power):
 
 @pytest.fixture(autouse=True)
 def own_state(tmp_path, monkeypatch):
-    monkeypatch.setenv("HEATERTUNE_STATE", str(tmp_path / "state"))
+    monkeypatch.setenv("HEATERTUNE_STATE", state_with_key(tmp_path / "state"))
     monkeypatch.setattr(hold, "LATE_S", 60.0)
 
 

@@ -7,6 +7,7 @@ import math
 import threading
 
 import pytest
+from tests.conftest import state_with_key
 from tests.live.mqtt_broker import Broker
 
 from heatertune import read_log
@@ -39,7 +40,7 @@ range = [0, 100]
 
 @pytest.fixture(autouse=True)
 def own_state(tmp_path, monkeypatch):
-    monkeypatch.setenv("HEATERTUNE_STATE", str(tmp_path / "state"))
+    monkeypatch.setenv("HEATERTUNE_STATE", state_with_key(tmp_path / "state"))
     monkeypatch.setattr(recorder, "_PAUSES_S", (0.0, 0.01))
 
 

@@ -10,6 +10,7 @@ import struct
 import pytest
 from tests.bench.kills import told
 from tests.bench.sessions import KINDS, folder_in
+from tests.conftest import state_with_key
 from tests.live.conftest import words_of
 
 from heatertune import virtual_plc
@@ -38,7 +39,7 @@ PLACES = KINDS["pid-compact"].places
 
 @pytest.fixture(autouse=True)
 def own_state(tmp_path, monkeypatch):
-    monkeypatch.setenv("HEATERTUNE_STATE", str(tmp_path / "state"))
+    monkeypatch.setenv("HEATERTUNE_STATE", state_with_key(tmp_path / "state"))
     monkeypatch.setattr("heatertune.live.hold.LATE_S", 0.3)
 
 

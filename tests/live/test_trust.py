@@ -11,6 +11,7 @@ import struct
 
 import pytest
 from tests.bench import sessions
+from tests.conftest import state_with_key
 from tests.live.conftest import hasty_clock
 from tests.live.modbus_device import Device
 
@@ -31,7 +32,7 @@ def made(tmp_path_factory):
 
 @pytest.fixture(autouse=True)
 def own_state(tmp_path, monkeypatch):
-    monkeypatch.setenv("HEATERTUNE_STATE", str(tmp_path / "state"))
+    monkeypatch.setenv("HEATERTUNE_STATE", state_with_key(tmp_path / "state"))
     # the device has moved at the next look: nobody waits two scans of 3 s
     monkeypatch.setattr("heatertune.live.write.plc_block.HOST", hasty_clock())
 

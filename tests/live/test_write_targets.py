@@ -10,6 +10,7 @@ from dataclasses import replace
 import pytest
 from tests.bench.kills import told
 from tests.bench.sessions import KINDS, SHARES, folder_in, words_in
+from tests.conftest import state_with_key
 from tests.live.conftest import words_of
 
 from heatertune import virtual_plc
@@ -36,7 +37,7 @@ SETPOINTS = dict.fromkeys(("omron-e5cc", "jumo-dicon"), ("48", "50"))
 
 @pytest.fixture(autouse=True)
 def own_state(tmp_path, monkeypatch):
-    monkeypatch.setenv("HEATERTUNE_STATE", str(tmp_path / "state"))
+    monkeypatch.setenv("HEATERTUNE_STATE", state_with_key(tmp_path / "state"))
     monkeypatch.setattr("heatertune.live.hold.LATE_S", 0.3)
 
 
