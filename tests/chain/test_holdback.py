@@ -3,6 +3,7 @@
 import json
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
@@ -14,7 +15,7 @@ from heatertune.plc.design import encode, tune
 from heatertune.proof import Mains, TestSequence, prove
 from heatertune.proof.redesign import DesignRequest, find_passing_design
 from heatertune.proof.redesign.design_changes import DesignChange, design_changes
-from heatertune.proof.setpoint_ramp import prove_ramped
+from heatertune.proof.setpoint_ramp import prove_ramped, slow_ramps
 from heatertune.proof.specification import Specification
 from heatertune.proof.words_file import read_words
 from heatertune.settings import Conditions, TuneSettings
@@ -134,3 +135,21 @@ def test_a_cooler_is_held_as_the_heater_that_is_its_mirror_image(words, found):
     assert proof.words.ramp.step == pytest.approx(heating.words.ramp.step, rel=0.05)
     assert _of(proof, "iae").value == pytest.approx(_of(heating, "iae").value, rel=0.02)
     assert "which follows the reading within" in notes[0]
+
+
+def test_slow_ramps_take_an_eighth_to_a_half_of_the_longest_way_and_wait_within_two_bands(words):
+    proof = prove(words, HEATER, PROVING)
+    controller, way = controller_for("weg"), 46.0 - 22.0
+    longest_s = proof.scenario.disturbances[0].time_s / 2.0
+    led = list(slow_ramps(proof, HEATER))
+    assert [60.0 * way / controller.ramp_degC_per_min(each) for each in led] == pytest.approx(
+        [longest_s / 8.0, longest_s / 4.0, longest_s / 2.0], rel=0.02)
+    assert [controller.hold_degC(each) for each in led] == pytest.approx([2.0 * proof.limits.tolerance_degC] * 3, rel=0.01)
+    assert [replace(each, ramp=None) for each in led] == [words] * 3
+
+
+def test_a_design_with_a_slow_ramp_is_asked_for_with_the_ramp_that_its_words_hold():
+    frame = DesignChange(power_most_pct=60.0, has_slow_ramp=True)
+    first = SimpleNamespace(conditions=PROVING, ideal=SimpleNamespace(sample_time_s=6.0))
+    assert frame.apply_to(DesignRequest(target="weg", conditions=PROVING, setpoint_ramp="none"), first, None).setpoint_ramp is None
+    assert frame.summary(6.0, None) == "an output of at most 60 % and a slow setpoint ramp"
