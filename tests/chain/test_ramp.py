@@ -137,7 +137,7 @@ def test_durations_are_not_walked_through_where_the_slowest_ramp_leaves_more_tha
     conditions = replace(PROVING, limit=("overshoot=0.001%",))
     search = setpoint_ramp._Search(plain=prove(words, SLOW, conditions), fitted_model=SLOW, conditions=conditions,
                                    kept_limits=setpoint_ramp.OVERSHOOTS)
-    slowest = search._with(search.longest_s).ramp
+    slowest = search.with_duration(search.longest_s).ramp
     monkeypatch.setattr(setpoint_ramp.RunScreen, "keeps", lambda *_: looked.append(None) or False)
     for share, walks in ((0.0, True), (0.49, True), (0.51, False), (1.0, False)):
         monkeypatch.setattr(setpoint_ramp.RunScreen, "badness", broken_by(share))

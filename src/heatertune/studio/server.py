@@ -7,7 +7,6 @@ import os
 import socket
 import sys
 from collections.abc import Sequence
-from typing import Final
 
 from nicegui import app, background_tasks, ui
 
@@ -25,9 +24,6 @@ from heatertune.studio.session import Session, read_source
 
 __all__ = ["compile_all", "serve", "warm"]
 
-#: a proof's thread gives way to the page so soon: from a slider to its picture there are several turns [s]
-_SWITCH_S: Final = 0.0005
-
 
 def serve(source: str | None, *, port: int | None, browser: bool) -> None:
     """Serve the studio until it is interrupted.
@@ -40,7 +36,7 @@ def serve(source: str | None, *, port: int | None, browser: bool) -> None:
     Raises:
         InputError: the source cannot be read, the port is taken.
     """
-    sys.setswitchinterval(_SWITCH_S)
+    sys.setswitchinterval(0.0005)  # [s]: a proof's thread gives way to the page, which needs several turns for a move
     session = Session()
     if source is not None:
         session.load(read_source(source))
