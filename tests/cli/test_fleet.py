@@ -30,7 +30,8 @@ def logs(tmp_path_factory):
     # a power that may be two rows late may be two rows more of dead time: at 5 s Ms of SIMC's τc = θ would leave its limit
     # of 2 with it; at 1 s its loop e^(−1.2·s)/(2·s), in units of θ, has 1.77
     (folder / "oven.csv").write_text(heater_log(0.5, 1, interval_s=1))
-    (folder / "line 2" / "dryer.csv").write_text(heater_log(0.7, 2, interval_s=1))
+    # not noise 2: a 95 % interval misses for one noise in twenty, and of 1 to 24 for that one, by a ten-thousandth
+    (folder / "line 2" / "dryer.csv").write_text(heater_log(0.7, 4, interval_s=1))
     (folder / "line 2" / "weak.csv").write_text(heater_log(0.2, 3))  # cannot hold 45 °C
     (folder / "empty.csv").write_text("")
     (folder / "torn.csv").write_text("time [s];T [°C];power [%]\n0;20;oops\n")
@@ -67,8 +68,7 @@ def test_every_log_is_a_row_and_a_bad_one_stops_no_other(table):
     # the heater that was written into the log, second by second
     for name, gain in (("oven.csv", 0.5), ("line 2/dryer.csv", 0.7)):
         row = rows[name]
-        # a 95 % interval misses the truth for one noise in twenty: here by a ten-thousandth
-        assert 0.999 * row["gain_degC_per_pct_ci95_low"] < gain < 1.001 * row["gain_degC_per_pct_ci95_high"]
+        assert row["gain_degC_per_pct_ci95_low"] < gain < row["gain_degC_per_pct_ci95_high"]
         assert row["gain_degC_per_pct"] == pytest.approx(gain, rel=0.01)
         assert row["time_constant_s"] == pytest.approx(120.0, rel=0.03)
         assert row["dead_time_s"] == pytest.approx(10.0, abs=1.5)
