@@ -74,6 +74,9 @@ KINDS: Final[dict[str, FindingKind]] = {
     "largest-power": FindingKind(
         "told", "the heater got the stated largest power in a log without power",
         "leave out --largest-power if it is not known", is_assumption=True),
+    "output-limit": FindingKind(
+        "told", "the heater got the largest output that its program allows",
+        "state another largest power of the log (--largest-power PCT)", is_assumption=True),
     "on-bound": FindingKind(
         "blocks", "a fitted parameter lies at a bound of its search",
         "log the power as well, or one open-loop step and its power"),

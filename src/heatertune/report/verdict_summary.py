@@ -277,10 +277,11 @@ def _doubts(proof: Document, unsure: Iterable[str] = ()) -> dict[str, list[str]]
     """Return the gaps and assumptions of the verdict, the most important first."""
     told = told_by_kind(proof)
     known = [f"{name} = {setting}" for name, setting in proof["stated_settings"].items()]
+    assumed = [each.removeprefix("assumed: ") for each in told["assumed"]]
     return {
         "not known": [*told["not known"], *unsure],
         "not tested": [_SETTINGS.sub(_points, part) for part in told["not tested"]],
-        "assumed": [*told["assumed"], *(f"--assume {setting}" for setting in known)],
+        "assumed": [*assumed, *(f"--assume {setting}" for setting in known)],
         "asked": told["asked"], "also": [remark for remark in told["changed"] if NOTHING_PASSES not in remark],
         "faults": list(proof["faults"]),
     }

@@ -424,7 +424,9 @@ def _outcome(fit: float, ci95: Mapping[str, Interval | None]) -> FitOutcome:
 def _power_remarks(
     logs: Sequence[Log], ranges: dict[str, Interval], largest_power_pct: float | None
 ) -> Iterator[Remark]:
-    """Yield the finding what the largest power in the logs is; if nobody knows, the gain has no upper end.
+    """Yield the finding what the largest power in the logs is; if it is not known, the gain has no upper end.
+
+    A source that states the limit of the output does not show that the heater got that much: it is an assumption.
 
     Args:
         logs: without power.
@@ -442,6 +444,11 @@ def _power_remarks(
             f"{names} does not show how much power the largest output of its controller was: the process gain is "
             f"{least} where the heater never got full power. State the largest power that it got in the log: "
             "--largest-power PCT, 100 if it was fully on for a while."))
+    else:
+        limits = " and ".join(dict.fromkeys(f"{log.output_limit_pct:g} %" for log in logs))
+        yield Remark("output-limit", (
+            f"The largest power in {names} is taken as {limits}, the largest output that the program of its controller "
+            "allows; the curve does not show that the heater got it."))
 
 
 def _no_power(logs: Sequence[Log]) -> Remark:
