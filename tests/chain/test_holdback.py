@@ -73,7 +73,7 @@ def test_the_frames_of_a_design_end_with_the_ramp_where_an_open_circuit_is_what_
     tried = list(design_changes(plain, HEATER.plants, TuneSettings(), period_given=True, interval_given=True, ramp_open=True,
                         boost_open=True, least_interval_s=1.0))
     assert tried[0] == DesignChange(has_boost=True)  # which costs less than all else
-    assert tried[-3].has_ramp
+    assert tried[-3].ramp == "fastest"
     assert tried[-2] == DesignChange()  # gains, which cost more than the 30 % that another change may: they come after it
     assert tried[-1] == tried[0]  # a boost once more, with what has helped by then
 
@@ -149,7 +149,7 @@ def test_slow_ramps_take_an_eighth_to_a_half_of_the_longest_way_and_wait_within_
 
 
 def test_a_design_with_a_slow_ramp_is_asked_for_with_the_ramp_that_its_words_hold():
-    frame = DesignChange(power_most_pct=60.0, has_slow_ramp=True)
+    frame = DesignChange(power_most_pct=60.0, ramp="slow")
     first = SimpleNamespace(conditions=PROVING, ideal=SimpleNamespace(sample_time_s=6.0))
     assert frame.apply_to(DesignRequest(target="weg", conditions=PROVING, setpoint_ramp="none"), first, None).setpoint_ramp is None
     assert frame.summary(6.0, None) == "an output of at most 60 % and a slow setpoint ramp"

@@ -164,8 +164,8 @@ class Words(NotebookDisplay):
         return cast("Mapping[str, int]", self.values)
 
     def with_boost(self, boost: Boost | None) -> Words:
-        """Return these words with a boost, or None, in place of theirs and of their ramp."""
-        return replace(self, boost=boost, ramp=None)
+        """Return these words with a boost in place of their own and of their ramp; None: without a boost."""
+        return replace(self, boost=boost, ramp=self.ramp if boost is None else None)
 
     def controller(self, **switches: str) -> RunningController:
         """Return the controller that runs these words, in the cold state, to be called scan by scan.

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Final, NamedTuple
+from typing import Final, Literal, NamedTuple
 
 from heatertune.model.model_values import HeaterModel
 from heatertune.pid.design_values import PidDesign
@@ -145,8 +145,7 @@ class DesignChange:
         power_most_pct: the controller never asks for more [%].
         window_degC: a firmware hands over from full power to the PID so far from the setpoint [°C].
         has_boost: whether the program gives full power far from the setpoint.
-        has_ramp: whether the setpoint is led by a ramp.
-        has_slow_ramp: whether it is led by one that the words hold, slower than the test sequence needs.
+        ramp: that leads the setpoint: "fastest", which the test sequence allows, or "slow", slower than it needs.
     """
 
     pwm_about_s: float | None = None
@@ -158,8 +157,7 @@ class DesignChange:
     power_most_pct: float | None = None
     window_degC: float | None = None
     has_boost: bool = False
-    has_ramp: bool = False
-    has_slow_ramp: bool = False
+    ramp: Literal["fastest", "slow"] | None = None
 
     def with_(self, change: DesignChange) -> DesignChange:
         """Return the changes of both; of the other where both change the same."""
@@ -209,8 +207,9 @@ class DesignChange:
             conditions = replace(conditions, pwm_period_s=period)
         if self.bursts_s:
             conditions = replace(conditions, pwm_resolution_s=_WAVE_S, pwm_rule="burst")
-        ramp = None if self.has_slow_ramp else "auto" if self.has_ramp else request.setpoint_ramp or "none"
-        return replace(request, tune_settings=tuned, conditions=conditions, refined=False, setpoint_ramp=ramp)
+        ramps = {"slow": None, "fastest": "auto", None: request.setpoint_ramp or "none"}  # a slow one is in the words
+        return replace(request, tune_settings=tuned, conditions=conditions, refined=False,
+                       setpoint_ramp=ramps[self.ramp])
 
     @property
     def only_outside(self) -> bool:
@@ -231,8 +230,7 @@ class DesignChange:
             self.power_most_pct and f"an output of at most {self.power_most_pct:.3g} %",
             self.window_degC and f"a firmware built with a window of {self.window_degC:.3g} °C",
             self.has_boost and "a boost",
-            self.has_ramp and "a setpoint ramp",
-            self.has_slow_ramp and "a slow setpoint ramp")
+            self.ramp and ("a slow setpoint ramp" if self.ramp == "slow" else "a setpoint ramp"))
         return " and ".join(part for part in parts if part)
 
 
@@ -262,7 +260,7 @@ def design_changes(
     limited = list(switch.limited()) if broken & OF_WINDUP else []
     controller, beyond = controller_for(words.target), bool(broken & (OVERSHOOTS | REHEATS))
     boosted = [DesignChange(has_boost=True)] if boost_open and controller.has_boost and beyond else []
-    ramped = [DesignChange(has_ramp=True)] if ramp_open and controller.has_ramp and beyond else []
+    ramped = [DesignChange(ramp="fastest")] if ramp_open and controller.has_ramp and beyond else []
     coarse = switch.pwm(proof.actuator.pwm_period_s).share(proof.limits.tolerance_degC) > _RIPPLE
     bursts = [] if given or broken <= OF_WINDUP or not coarse else [
         DesignChange(bursts_s=switch.bursts_s).with_(change) for change in (DesignChange(), *boosted, *limited,
@@ -313,7 +311,7 @@ def unwinds(target: str, frame: DesignChange, *, ramp_open: bool) -> bool:
     """Return whether there is a change to come after a frame that mends a windup: a limit of the output, or a ramp."""
     controller = controller_for(target)
     limited = controller.most_power is not None and frame.power_most_pct is None
-    return limited or (ramp_open and controller.has_ramp and not frame.has_ramp)
+    return limited or (ramp_open and controller.has_ramp and frame.ramp != "fastest")
 
 
 def _in_whole_waves(sample_time_s: float, most_s: float) -> float:

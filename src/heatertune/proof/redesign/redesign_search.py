@@ -421,8 +421,8 @@ class RedesignSearch:
                     return mended
             wound = tuple(self.wound)
             if not self.dear and (wound or self._windup_alone):
-                found = (self.unwound(wound) or (self.calmed(wound) if wound else None)
-                         or self.unwound(wound, sooner=True) or (self.slowly_led(wound) if wound else None))
+                found = (self.with_boost(wound) or (self.with_lower_output(wound) if wound else None)
+                         or self.with_boost(wound, sooner=True) or (self.with_slow_ramp(wound) if wound else None))
                 if found is not None:
                     return found
         if self.dear:
@@ -430,7 +430,7 @@ class RedesignSearch:
             return self._ended(self.dear[0] if more(best) > _CHEAPER * more(self.dear[0]) else best)
         if not (wound_up := sorted((each for _, each in self.wound), key=more)):
             return None
-        return self._ended(wound_up[0] if self.verdict_only else self.way_on.unwound(wound_up))
+        return self._ended(wound_up[0] if self.verdict_only else self.way_on.against_windup(wound_up))
 
     def _ended(self, result: DesignResult) -> DesignResult:
         """Return a design that says that the search ended early, where it did."""
@@ -468,7 +468,7 @@ class RedesignSearch:
         """Whether there may be a boost."""
         return self.request.boost == "auto" and self.request.setpoint_ramp in (None, "none")
 
-    def unwound(
+    def with_boost(
         self, wound: Sequence[tuple[DesignChange, DesignResult]], *, sooner: bool = False
     ) -> DesignResult | None:
         """Return the first design with a boost and other gains that passes; None: none does.
@@ -487,13 +487,13 @@ class RedesignSearch:
         self.progress(f"{why}: trying a boost with other gains")
         self.screen = self.screen.with_nights(each.proof for _, each in wound)
         helped = DesignChange() if self.best is None else self.best.frame
-        asked = (DesignChange(), replace(helped, has_ramp=False))
+        asked = (DesignChange(), replace(helped, ramp=None))
         for before in dict.fromkeys(shorter_intervals(self.first.proof.words) if sooner else asked):
             if (found := self._unwinding(before.with_(DesignChange(has_boost=True)))) is not None:
                 return found
         return None
 
-    def calmed(self, wound: Sequence[tuple[DesignChange, DesignResult]]) -> DesignResult | None:
+    def with_lower_output(self, wound: Sequence[tuple[DesignChange, DesignResult]]) -> DesignResult | None:
         """Return a lower output, else other gains, that pass where all else winds up, as `wound` does; None: none do.
 
         A design that a setpoint ramp leads is at last tried with what the user left at its default.
@@ -506,7 +506,7 @@ class RedesignSearch:
         limits = output_limits(self.first.proof, self.fitted_model.plants)
         found_in = [frame for frame, _ in wound if frame.power_most_pct is None]
         unled = dict.fromkeys((DesignChange(),
-                               *(replace(frame, has_ramp=False, has_boost=False) for frame in found_in)))
+                               *(replace(frame, ramp=None, has_boost=False) for frame in found_in)))
         led = dict.fromkeys(frame for frame in found_in if frame not in unled)
         defaults = list(default_changes(self.first.proof, self.request.tune_settings))
         for whole in (*(before.with_(limit) for limit in limits for before in (*unled, *led)), *unled,
@@ -516,20 +516,20 @@ class RedesignSearch:
                 return found
         return None
 
-    def slowly_led(self, wound: Sequence[tuple[DesignChange, DesignResult]]) -> DesignResult | None:
+    def with_slow_ramp(self, wound: Sequence[tuple[DesignChange, DesignResult]]) -> DesignResult | None:
         """Return a design that passes with a setpoint ramp slower than the test sequence needs; None: none does.
 
         A short open circuit or a restart leads to an overshoot that a slow ramp with a short holdback prevents: the
         setpoint then waits near the reading. A larger TN adds up less meanwhile.
 
         Args:
-            wound: as for `unwound`.
+            wound: as for `with_boost`.
         """
         if not self.by_optimum or self.request.setpoint_ramp or not controller_for(self.request.target).has_ramp:
             return None
         self.screen = self.screen.with_nights(each.proof for _, each in wound)
-        led = DesignChange(has_slow_ramp=True)
-        frames = dict.fromkeys(replace(before, has_ramp=False, has_boost=False).with_(led) for before, _ in wound)
+        led = DesignChange(ramp="slow")
+        frames = dict.fromkeys(replace(before, ramp=None, has_boost=False).with_(led) for before, _ in wound)
         for frame in frames:
             self.progress(f"what passes winds up: trying {self.summary(frame)}")
             for trial in self._slow_ramps(frame, wound[0][1].proof):
@@ -559,9 +559,9 @@ class RedesignSearch:
             inside = GainSearch(search=self, frame=frame)
         except HeatertuneError:
             return None
-        places = inside.beside_a_ramp() if frame.has_ramp else iter((inside.family.place, *inside.family.places()))
-        for place in places:
-            if not (frame.has_boost or frame.has_ramp or inside.keeps(place)):
+        ramped = frame.ramp == "fastest"
+        for place in inside.beside_a_ramp() if ramped else iter((inside.family.place, *inside.family.places())):
+            if not (frame.has_boost or ramped or inside.keeps(place)):
                 continue
             try:
                 mended = self.try_design(frame, inside.candidate(place))
@@ -589,7 +589,7 @@ class RedesignSearch:
         helped = DesignChange() if self.best is None else self.best.frame
         if frame.bursts_s or (frame == DesignChange() and self._windup_alone):
             yield frame
-        elif frame.has_ramp or frame.has_boost:
+        elif frame.ramp == "fastest" or frame.has_boost:
             yield from dict.fromkeys(before.with_(frame) for before in (DesignChange(), self.calmer, helped))
         else:
             yield helped.with_(frame)
@@ -631,7 +631,7 @@ class RedesignSearch:
             inside = GainSearch(search=self, frame=frame)
         except HeatertuneError:
             return None
-        if not (frame.has_ramp or frame.has_boost):
+        if not (frame.ramp == "fastest" or frame.has_boost):
             return inside.cheapest()
         tried = (self.try_design(frame, inside.candidate(place)) for place in inside.beside_a_ramp())
         return next((mended for mended in tried if mended is not None), None)
@@ -665,7 +665,7 @@ class RedesignSearch:
     def prove_design(self, frame: DesignChange, trial: Candidate, boost: Boost | None = None) -> DesignResult | None:
         """Return a design with its price where it passes; else the runs that it fails are watched."""
         asked, by = self.request_within(frame), trial[1]
-        trial = trial[0], by if frame.has_slow_ramp else replace(by, words=by.words.with_boost(boost))
+        trial = trial[0], replace(by, words=by.words.with_boost(boost))
         plain = self.first.proof if asked.conditions == self.first.conditions else None
         try:
             tried = plainly(self.fitted_model, asked, candidate=trial, plain=plain, text=False, progress=self.progress)

@@ -156,7 +156,7 @@ class Suggestion:
         return replace(first, proof=proof.led_by(told), notes=(*first.notes, note, *self.untried),
                        passes_with=options, recipe=replace(first.recipe, way_on=told))
 
-    def unwound(self, wound_up: Sequence[DesignResult]) -> DesignResult:
+    def against_windup(self, wound_up: Sequence[DesignResult]) -> DesignResult:
         """Return the first of several designs that wind up; its proof says what passes.
 
         That is another design, a setting of an open point, a smaller range of use, its upper end or a larger limit, in
