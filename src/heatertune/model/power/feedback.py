@@ -27,11 +27,10 @@ from heatertune.errors import InputError
 from heatertune.log.log_values import Log
 from heatertune.model.diagnostics import Remark
 from heatertune.model.model_values import InputCorrelation
-from heatertune.model.outliers import interruption_note
-from heatertune.model.power.load_steps import bic_of, with_loads
+from heatertune.model.power.disturbance_fit import bic_of, with_loads
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
 from heatertune.model.power.regressors import AMBIENT, GAIN, Readings
-from heatertune.model.statistics import ar1_bic, autocorrelation
+from heatertune.model.statistics import ar1_bic, autocorrelation, interruption_note
 
 __all__ = [
     "WRONG_SIGN", "closed_loop", "demand_cause", "explains", "feedback_notes", "follows_temperature",

@@ -22,7 +22,7 @@ from heatertune.arrays import Array
 from heatertune.log.log_values import Log
 from heatertune.model.loss_curve import same_beyond
 from heatertune.model.model_values import Candidate, Fopdt, Half, HeaterModel, disagreeing_parameters
-from heatertune.model.power.load_steps import bic_of
+from heatertune.model.power.disturbance_fit import bic_of
 from heatertune.model.power.open_loop import FAR, FixedUnknowns, PowerFit, PowerProblem
 from heatertune.model.power.regressors import AMBIENT, GAIN
 from heatertune.model.reduction import ultimate_period_s
