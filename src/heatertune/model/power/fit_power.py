@@ -474,7 +474,7 @@ def _surprises(
     if fit.model is None:
         return {}
     noise = noise_of(part, fit)
-    least = float(np.sum((part.readings.temperature_degC - fit.simulated_degC) ** 2))
+    least = part.squares(fit)
     normal = (_NORMAL / noise.quantile) ** 2  # a short half does not know its noise well
     surprises = {}
     for name in (set(values) & set(noise.deviation)) - noise.unseen:

@@ -306,7 +306,7 @@ def _profile(problem: PowerProblem, fit: PowerFit, name: str, noise: ParameterNo
     low, high = bounds_of(problem)[name]
     best = value_of(fit, name)
     limit = (times * noise.quantile) ** 2 * noise.inflation[name] * noise.variance
-    least = float(np.sum((problem.readings.temperature_degC - fit.simulated_degC) ** 2))
+    least = problem.squares(fit)
     ends = []
     for side in (-1.0, 1.0):
         values = np.clip(best + side * times * noise.deviation[name] * STEPS, low, high)
