@@ -9,7 +9,7 @@ import textwrap
 from dataclasses import fields
 
 from heatertune import options, settings
-from heatertune.commissioned import AsLeftSettings
+from heatertune.settings import AsLeftSettings
 from tests.conftest import ROOT
 
 FILE = ROOT / "src" / "heatertune" / "keywords.py"

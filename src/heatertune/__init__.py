@@ -47,9 +47,9 @@ if TYPE_CHECKING:
         validate,
         write_report,
     )
-    from heatertune.chain.control_objects import loop, problem
     from heatertune.chain.documents import load
     from heatertune.chain.facade import controller, decode, iae_load, margins, simulate
+    from heatertune.chain.second_opinion import loop, problem
     from heatertune.errors import HeatertuneError, InputError, NotRepresentable
     from heatertune.live.serve import virtual_plc
     from heatertune.log.log_values import Log
@@ -75,7 +75,7 @@ __getattr__, __dir__ = lazy_attributes(__name__, {
     "chain": (
         "compare", "design", "encode", "export", "fit", "fit_known", "fit_together", "plan", "prove", "read_log",
         "tune", "validate", "write_report"),
-    "chain.control_objects": ("loop", "problem"),
+    "chain.second_opinion": ("loop", "problem"),
     "chain.documents": ("load",),
     "chain.facade": ("controller", "decode", "iae_load", "margins", "simulate"),
     "errors": ("HeatertuneError", "InputError", "NotRepresentable"),

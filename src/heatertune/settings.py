@@ -7,13 +7,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
+from heatertune.codec import register_schema
 from heatertune.errors import OutOfRange
 from heatertune.options import option, validate_options
 
 __all__ = [
-    "STEP_POWER_PCT", "Conditions", "FeedForwardSettings", "FitSettings", "ReadSettings", "SampleSettings",
-    "SensorSettings", "TuneSettings", "ValidateSettings", "WordSettings",
+    "RECORD_SCHEMA", "STEP_POWER_PCT", "AsLeftSettings", "Conditions", "FeedForwardSettings", "FitSettings",
+    "ReadSettings", "RecordSettings", "SampleSettings", "SensorSettings", "TuneSettings", "ValidateSettings",
+    "WordSettings",
 ]
+
 
 #: most power that one step of the reading may move, where nothing is said [%]
 STEP_POWER_PCT: Final = 10.0
@@ -438,3 +441,41 @@ class Conditions:
     def lowest_degC(self) -> float | None:
         """The lowest setpoint of use; None: nobody told it [°C]."""
         return self.setpoint_degC[0] if isinstance(self.setpoint_degC, tuple) else None
+
+
+RECORD_SCHEMA: Final = "heatertune/record/1"
+
+
+@register_schema(RECORD_SCHEMA)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordSettings:
+    """What the record calls the plant and itself; what is not said is left to be filled in by hand."""
+
+    plant_tag: str | None = option(None, str, "tag of the plant and heater, for the record", flag="--plant-tag",
+                                   metavar="TEXT")
+    document: str | None = option(None, str, "number of the record", flag="--document", metavar="TEXT")
+    revision: str | None = option(None, str, "version of the record", flag="--revision", metavar="TEXT")
+
+    def __post_init__(self) -> None:
+        validate_options(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AsLeftSettings:
+    """What is known beside a trace of the settings loop."""
+
+    setpoint_degC: float | None = option(
+        None, float, "setpoint of the trace", unit="°C", flag="--setpoint", least=_COLDEST_DEGC,
+        instead=("as logged, else that of the proof", ""))
+    ambient_degC: float | None = option(
+        None, float, "ambient during the trace", unit="°C", flag="--ambient", least=_COLDEST_DEGC,
+        instead=("that of the plausible heaters", ""))
+    begins_s: float | None = option(
+        None, float, "instant of the trace at which the heat-up begins", unit="s", flag="--begins-at",
+        instead=("where setpoint, power or temperature show it", ""))
+    load_at_s: float | None = option(
+        None, float, "instant of the trace at which a load came", unit="s", flag="--load-at",
+        help="instant of the trace at which a load came [s]: a door or cold goods; the recovery is measured from there")
+
+    def __post_init__(self) -> None:
+        validate_options(self)

@@ -17,7 +17,7 @@ import numpy as np
 from heatertune.errors import HeatertuneError
 from heatertune.log.log_values import Log, LogSignal
 from heatertune.loops.diagnosis import diagnose
-from heatertune.loops.loop_values import LoopEntry
+from heatertune.loops.measures import LoopEntry
 from heatertune.model.model_values import Fopdt, model_by_hand
 
 KINDS = ("as before", "cooler lost", "heater lost", "swings")

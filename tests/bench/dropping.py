@@ -36,7 +36,7 @@ from heatertune import virtual_plc
 from heatertune.cli import main as command
 from heatertune.live import poller
 from heatertune.live.plc import VirtualPlc
-from heatertune.supervision.monitor_document import read_supervision
+from heatertune.supervision.monitor_design import read_supervision
 from tests.bench.second_monitor import NAMES, Monitors
 
 RUNS = 12

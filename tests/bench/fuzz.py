@@ -59,7 +59,7 @@ _DOORS: Final = (
 )
 _SHUT: Final = (
     "heatertune.batch.studies:run", "heatertune.batch.fleets:run", "heatertune.studio.server:serve",
-    "heatertune.cli.installation:_run_bench", "heatertune.cli.installation:_run_doctor",
+    "heatertune.cli.reference:_run_bench", "heatertune.cli.reference:_run_doctor",
 )
 
 HEATER: Final = ("--gain", "0.37", "--time-constant", "167", "--dead-time", "12", "--ambient", "22")

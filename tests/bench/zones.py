@@ -23,8 +23,8 @@ from pathlib import Path
 import numpy as np
 
 from heatertune.batch import in_processes
+from heatertune.batch.engine import on_dask
 from heatertune.batch.fleets import ZoneSettings, fleet
-from heatertune.batch.workers import on_dask
 from heatertune.proof.design_request import DesignRequest
 from heatertune.settings import SampleSettings
 

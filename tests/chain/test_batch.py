@@ -14,8 +14,8 @@ from tests.conftest import ROOT
 
 from heatertune.batch import Chunk, in_processes, run
 from heatertune.batch import engine as parts
+from heatertune.batch import engine as processes
 from heatertune.batch import engine as table
-from heatertune.batch import workers as processes
 from heatertune.errors import DocumentError, InputError, OutOfRange
 
 

@@ -62,7 +62,7 @@ def test_without_dask_the_extra_is_named(monkeypatch):
 
 
 def test_an_address_without_a_scheduler_is_told_in_one_line(tmp_path, monkeypatch):
-    monkeypatch.setattr("heatertune.batch.workers._PATIENCE_S", 0.2)
+    monkeypatch.setattr("heatertune.batch.engine._PATIENCE_S", 0.2)
     with pytest.raises(InputError, match=r"--scheduler tcp://127.0.0.1:1: no Dask scheduler answers at this address"):
         run(batch_of(3), tmp_path / "t.parquet", workers=on_dask("tcp://127.0.0.1:1"))
     with pytest.raises(InputError, match="--scheduler nonsense://x: no Dask scheduler answers at this address"):

@@ -9,8 +9,8 @@ from tests.bench.identification import answer
 from heatertune.chain.stages import export, fit
 from heatertune.errors import InputError, NotRepresentable
 from heatertune.log.log_values import Log
-from heatertune.model.cooler_mirror import mirror_heater
 from heatertune.model.model_values import Fopdt, model_by_hand
+from heatertune.model.reduction import mirror_heater
 from heatertune.model.validate import validate
 from heatertune.plc import Scaling
 from heatertune.plc.design import encode, tune

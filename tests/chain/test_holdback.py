@@ -8,8 +8,8 @@ from types import SimpleNamespace
 import pytest
 
 from heatertune.chain.stages import export
-from heatertune.model.cooler_mirror import mirror_heater as mirrored_fit
 from heatertune.model.model_values import Fopdt, model_by_hand
+from heatertune.model.reduction import mirror_heater as mirrored_fit
 from heatertune.plc import Ramp, controller_for
 from heatertune.plc.design import encode, tune
 from heatertune.proof import Mains, TestSequence, prove

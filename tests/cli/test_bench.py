@@ -3,7 +3,7 @@ import json
 import pytest
 
 from heatertune.bench import Throughput, Times, _in_turns, _python
-from heatertune.cli.installation import _told
+from heatertune.cli.reference import _told
 from heatertune.codec import decode
 
 

@@ -10,7 +10,7 @@ from tests.bench.second_monitor import Monitors
 
 from heatertune.codec import encode
 from heatertune.errors import DocumentError
-from heatertune.supervision.monitor_document import read_supervision
+from heatertune.supervision.monitor_design import read_supervision
 
 WARNING = "does not replace a thermal cut-out"
 HOT = ("--gain", 4, "--time-constant", 120, "--dead-time", 2, "--ambient", 22, "--target", "s5-ob251", "--setpoint", 200, "--range", 0, 300,

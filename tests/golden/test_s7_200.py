@@ -18,8 +18,7 @@ from heatertune.plc.cpu.s7_200 import COLD, assemble, run
 from heatertune.plc.cpu.s7_200 import io_and_cycle as cycle
 from heatertune.plc.cpu.s7_200.assembler import block_number
 from heatertune.plc.cpu.s7_200.cpu import add_integers, carry_out, divide_integers, high_word, multiply_integers
-from heatertune.plc.cpu.s7_200.io_and_cycle import run_cycle, timed_program
-from heatertune.plc.cpu.s7_200.state import own
+from heatertune.plc.cpu.s7_200.io_and_cycle import own, run_cycle, timed_program
 from heatertune.plc.s7_200.controller import COUNTDOWN, repaired_program
 from heatertune.plc.s7_200_paper import step
 from heatertune.plc.s7_200_paper.export import faults, printed_program

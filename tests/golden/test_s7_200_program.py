@@ -23,7 +23,7 @@ from heatertune.plc import Certificate, Ramp, Scaling, controller_for
 from heatertune.plc.cpu.s7_200 import COLD, assemble, run
 from heatertune.plc.cpu.s7_200.assembler import block_number
 from heatertune.plc.cpu.s7_200.cpu import carry_out
-from heatertune.plc.cpu.s7_200.state import own
+from heatertune.plc.cpu.s7_200.io_and_cycle import own
 from heatertune.proof.design_request import DesignRequest
 from heatertune.settings import Conditions
 

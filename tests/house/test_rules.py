@@ -21,7 +21,7 @@ NAMING_EXTRAS = {
 }
 STAGES = ("heater", "log", "model", "pid", "plc", "proof", "report")
 FREE = ("arrays", "units", "terms", "errors", "options", "keywords", "settings", "codec", "writing", "cache", "compiled", "lazy", "show",
-        "commissioned", "processors")
+        "processors")
 MODULES = sorted(SOURCE.rglob("*.py"))
 
 

@@ -23,7 +23,7 @@ from heatertune.live.write.band import Band
 from heatertune.live.write.proven_words import read_proven
 from heatertune.model.statistics import Interval
 from heatertune.settings import Conditions
-from heatertune.supervision.monitor_document import read_supervision
+from heatertune.supervision.monitor_design import read_supervision
 from heatertune.supervision.supervise import SampleCounts, bench_of
 
 FAST = {"step": False, "rate": 1500.0, "intervals": 4000}

@@ -13,13 +13,16 @@ from heatertune.cli import main
 from heatertune.errors import InputError, OutOfRange
 from heatertune.log.log_values import Log
 from heatertune.loops.diagnosis import cure_words, day, diagnose, ideal, times_worse
-from heatertune.loops.loop_values import Cause, LoopEntry, list_loops, read_list
 from heatertune.loops.measures import (
+    Cause,
+    LoopEntry,
     at_limit,
     average_log,
     course_of,
     found_period_s,
+    list_loops,
     offset_degC,
+    read_list,
     swings,
     switchings_per_h,
 )

@@ -10,7 +10,7 @@ from tests.bench.cooled_health import day, drawn
 from heatertune.cli import main
 from heatertune.log import read_log
 from heatertune.loops.diagnosis import cure_words, diagnose
-from heatertune.loops.loop_values import LoopEntry
+from heatertune.loops.measures import LoopEntry
 
 
 def write(path, log, cooling):

@@ -6,7 +6,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from heatertune.log.log_values import Log
-from heatertune.model.outliers import undisturbed_part
+from heatertune.model.statistics import undisturbed_part
 from heatertune.model.temperature import evidence
 from heatertune.model.temperature.evidence import (
     evidence_notes,

@@ -7,10 +7,10 @@ from scipy.optimize import brentq, least_squares
 from scipy.signal import lfilter
 
 from heatertune.model.model_values import TwoLag
-from heatertune.model.outliers import _median
 from heatertune.model.power.explanation import _running_mean
 from heatertune.model.power.feedback import _coloured
 from heatertune.model.reduction import crossover_rad_s, match_fopdt
+from heatertune.model.statistics import _median
 from heatertune.pid.rules import ultimate_cycle
 
 RNG = np.random.default_rng(4)

@@ -7,7 +7,7 @@ from tests.conftest import tried
 from heatertune.log.log_values import Log
 from heatertune.model.fit import fit
 from heatertune.model.model_values import FitOutcome, Fopdt
-from heatertune.model.outliers import sensor_step, without_outliers
+from heatertune.model.statistics import sensor_step, without_outliers
 
 PLANT = Fopdt(gain_degC_per_pct=0.5, time_constant_s=150.0, dead_time_s=12.0, ambient_degC=20.0)
 

@@ -12,7 +12,7 @@ from heatertune.model.circumstances import pool_candidates
 from heatertune.model.fit import fit, fit_together
 from heatertune.model.model_document import from_document, to_document
 from heatertune.model.model_values import FitOutcome, Fopdt, TwoLag, model_by_hand
-from heatertune.model.outliers import disturbance_s
+from heatertune.model.statistics import disturbance_s
 from heatertune.pid.sampled_loop import margins
 from heatertune.pid.tune import tune
 from heatertune.plc.s7_200_paper.step import LAWS

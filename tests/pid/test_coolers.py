@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 
 from heatertune.errors import InputError, OutOfRange
-from heatertune.model.cooler_mirror import cools, mirror_heater
 from heatertune.model.model_values import Candidate, Fopdt, TwoLag, model_by_hand
+from heatertune.model.reduction import cools, mirror_heater
 from heatertune.model.statistics import RATIO, Interval
 from heatertune.pid.alternatives import alternatives, front
 from heatertune.pid.sampled_loop import margins

@@ -25,8 +25,7 @@ from heatertune.proof import Actuator, Load, LoopLimits, Scenario, TemperatureSt
 from heatertune.proof.criteria import columns_of
 from heatertune.proof.kernel import run
 from heatertune.proof.loop import in_loop, run_loop
-from heatertune.proof.monte_carlo.draw import SampleRequest, SampleSpread, measure, replay
-from heatertune.proof.monte_carlo.quantiles import prove_samples
+from heatertune.proof.monte_carlo.draw import SampleRequest, SampleSpread, measure, prove_samples, replay
 from heatertune.proof.phase_statistics import _medians
 
 LOOPS = ("weg", "s5-ob251")  # single precision and whole numbers; the other rooms differ from them in `step` alone

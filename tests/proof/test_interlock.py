@@ -12,11 +12,11 @@ from heatertune.errors import OutOfRange, UnknownName
 from heatertune.model.model_values import Fopdt
 from heatertune.plc.cpu.one_bit.machine import OneBitState
 from heatertune.proof import Actuator, Interlock, Scenario, TemperatureStep, prove_models, simulate
-from heatertune.proof.acceptance import _BITS, INTERLOCKS, _scan
 from heatertune.proof.criteria import LoopLimits
 from heatertune.proof.kernel import LOAD, Events, ScanClock, SetpointProgram, TraceArrays, run
 from heatertune.proof.meter import no_meter
 from heatertune.proof.plant import plant_from
+from heatertune.proof.verdict import _BITS, INTERLOCKS, _scan
 
 HEATER = Fopdt(gain_degC_per_pct=0.5, time_constant_s=150.0, dead_time_s=6.5, ambient_degC=20.0)
 PWM = Actuator(pwm_period_s=2.0)

@@ -13,9 +13,9 @@ from heatertune.errors import OutOfRange
 from heatertune.model.model_values import Fopdt
 from heatertune.pid.design_values import Margins
 from heatertune.proof import Actuator, Criterion, Load, LoopLimits, Scenario, TemperatureStep, Trace
-from heatertune.proof.acceptance import Interlock
 from heatertune.proof.criteria import worst_of
 from heatertune.proof.scenario import Mains, NewSetpoint, Phase, PlcPower, SetpointRampEvent
+from heatertune.proof.verdict import Interlock
 
 PERIOD = 0.05
 AMBIENT, SETPOINT = 20.0, 60.0

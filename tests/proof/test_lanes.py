@@ -20,8 +20,7 @@ from heatertune.proof.lanes import choice
 from heatertune.proof.lanes import passes as one
 from heatertune.proof.lanes import two_lags as two
 from heatertune.proof.lanes.choice import fits
-from heatertune.proof.lanes.passes import PhaseLimits
-from heatertune.proof.lanes.rows import LANES, constant_function, rows_of
+from heatertune.proof.lanes.passes import LANES, PhaseLimits, constant_function, rows_of
 from heatertune.proof.monte_carlo.draw import BLOCK, SampleRequest, SampleSpread, _all_drawn, _parts, measure, parts
 from heatertune.proof.monte_carlo.run import drawing_for
 from heatertune.proof.scenario import PlcPower, SetpointRampEvent

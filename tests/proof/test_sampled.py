@@ -24,8 +24,7 @@ from heatertune.proof import (
     replay,
 )
 from heatertune.proof.criteria import columns_of
-from heatertune.proof.monte_carlo.draw import measure
-from heatertune.proof.monte_carlo.quantiles import hardest_setting
+from heatertune.proof.monte_carlo.draw import hardest_setting, measure
 from heatertune.proof.monte_carlo.run import sample_document
 from heatertune.proof.proof_document import SamplesView
 from heatertune.proof.prove_words import prove
@@ -82,7 +81,7 @@ def test_those_that_break_a_limit_are_named_the_worst_first(drawing, monkeypatch
     assert [max(run.count(False) for run in alone[seed]) for seed in proof.broken] == sorted(
         (max(run.count(False) for run in alone[seed]) for seed in breaks), reverse=True)
     assert "broken" not in proof.to_document()
-    monkeypatch.setattr("heatertune.proof.monte_carlo.quantiles._NAMED", 3)
+    monkeypatch.setattr("heatertune.proof.monte_carlo.draw._NAMED", 3)
     assert set(prove_samples(drawn, asked, count, seed=7).broken) <= set(proof.broken[:3])
 
 
@@ -91,7 +90,7 @@ def test_how_many_are_measured_at_once_decides_nothing(drawing, monkeypatch):
     drawn, asked = drawing(SampleSpread(heater=(0.02, 0.02, 0.5))), replace(LIMITS, power_reserve_pct=10.0, iae_degC_s=3000.0)
     whole = prove_samples(drawn, asked, 24, seed=3)
     assert whole.passing < 1.0
-    monkeypatch.setattr("heatertune.proof.monte_carlo.quantiles._AT_ONCE", 7)
+    monkeypatch.setattr("heatertune.proof.monte_carlo.draw._AT_ONCE", 7)
     assert prove_samples(drawn, asked, 24, seed=3) == whole
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from heatertune import report
-from heatertune.commissioned import AsLeftSettings
 from heatertune.log.log_values import Log
+from heatertune.settings import AsLeftSettings
 from heatertune.studio import background_work as downloads
 from heatertune.studio.background_work import figures, left_chart, left_sentence
 from heatertune.studio.sheet_card import DroppedFile, change_sheet, sheet

@@ -8,14 +8,24 @@ from typing import TYPE_CHECKING
 from heatertune.lazy import lazy_attributes
 
 if TYPE_CHECKING:
-    from heatertune.batch.engine import CaseBatch, Chunk, Progress, Row, TableColumn, Workers, run, silent
-    from heatertune.batch.workers import in_processes, on_dask
+    from heatertune.batch.engine import (
+        CaseBatch,
+        Chunk,
+        Progress,
+        Row,
+        TableColumn,
+        Workers,
+        in_processes,
+        on_dask,
+        run,
+        silent,
+    )
 
 __all__ = ["CaseBatch", "Chunk", "Progress", "Row", "TableColumn", "Workers", "in_processes", "on_dask", "run",
            "silent"]
 
 # the help of a command that writes a table needs none of them
 __getattr__, __dir__ = lazy_attributes(__name__, {
-    "batch.workers": ("on_dask", "in_processes"),
-    "batch.engine": ("run", "CaseBatch", "Chunk", "Progress", "Row", "TableColumn", "Workers", "silent"),
+    "batch.engine": (
+        "run", "CaseBatch", "Chunk", "Progress", "Row", "TableColumn", "Workers", "in_processes", "on_dask", "silent"),
 })

@@ -23,7 +23,7 @@ from heatertune.errors import HeatertuneError, InputError, LogError
 from heatertune.log import read_log
 from heatertune.model.model_values import FittedModel, Fopdt
 from heatertune.pid.design_values import PidDesign
-from heatertune.pid.explain import without_explanation
+from heatertune.pid.specs import without_explanation
 from heatertune.plc import Words, controller_for
 from heatertune.plc.words import FLOATS
 from heatertune.processors import on_one

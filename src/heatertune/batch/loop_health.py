@@ -21,8 +21,7 @@ from heatertune.errors import HeatertuneError, InputError, LogError
 from heatertune.log import read_log
 from heatertune.log.log_values import Log
 from heatertune.loops.diagnosis import Cure, Diagnosis, cure_words, diagnose
-from heatertune.loops.loop_values import Cause, LoopEntry, list_loops, read_list
-from heatertune.loops.measures import at_limit
+from heatertune.loops.measures import Cause, LoopEntry, at_limit, list_loops, read_list
 from heatertune.model import model_document
 from heatertune.model.model_values import FittedModel, Fopdt, model_by_hand
 from heatertune.model.power.known_controller import replay_controller

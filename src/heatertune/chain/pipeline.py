@@ -23,7 +23,6 @@ from heatertune.chain.precompile import OPINION, Worker, work_alongside
 from heatertune.chain.second_opinion import SECOND_OPINION_SCHEMA, SecondOpinion, disagreement
 from heatertune.chain.stages import export, fit
 from heatertune.codec import DATA, Document, data_folder, decode, encode, plain, read_document, to_json
-from heatertune.commissioned import RECORD_SCHEMA, AsLeftSettings, RecordSettings
 from heatertune.errors import ExportRefused, InputError
 from heatertune.log import read_log
 from heatertune.log.log_values import Log
@@ -60,10 +59,13 @@ from heatertune.proof.text_comparison import as_exported
 from heatertune.proof.verdict import PROOF_SCHEMA
 from heatertune.proof.words_file import WORDS_SCHEMA, certificate, demand_same_words, read_words, words_of
 from heatertune.settings import (
+    RECORD_SCHEMA,
+    AsLeftSettings,
     Conditions,
     FeedForwardSettings,
     FitSettings,
     ReadSettings,
+    RecordSettings,
     SampleSettings,
     SensorSettings,
     TuneSettings,

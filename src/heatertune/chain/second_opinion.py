@@ -1,7 +1,11 @@
-"""What python-control and CasADi say of a design: margins and step response of its sampled loop, and the optimum.
+"""A design with python-control and CasADi: their margins, step response and optimum, and their objects for a study.
 
 python-control works with polynomials in z, heatertune with the exact heater from sample to sample and with a grid of
 frequencies. IPOPT minimises the same cost under the same limits from another start.
+
+    control.margin(loop(model, design))
+    control.step_response(loop(model, design, of="closed"))
+    control.bode_plot(loop(model, design, continuous=True))
 """
 
 from __future__ import annotations
@@ -9,14 +13,18 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 
+from heatertune.chain.facade import decode
 from heatertune.codec import OrInfinite, register_schema
-from heatertune.errors import HeatertuneError
+from heatertune.errors import HeatertuneError, InputError, OutOfRange, UnknownName
 from heatertune.model.findings import Finding
-from heatertune.model.model_values import HeaterModel
+from heatertune.model.model_values import FittedModel, Fopdt, HeaterModel, TwoLag, model_by_hand
+from heatertune.model.reduction import cools
+from heatertune.model.transfer_functions import LinearSystem, heater_from
+from heatertune.options import merge_options, with_options
 from heatertune.pid.design_values import PidDesign
 from heatertune.pid.sampled_loop import (
     MOST_DELAY,
@@ -27,10 +35,22 @@ from heatertune.pid.sampled_loop import (
     respond,
     sample_plant,
 )
-from heatertune.pid.search.feasible import Problem, keeps, nonlinear_program, on_the_limit
+from heatertune.pid.search.feasible import NonlinearProgram, Problem, keeps, nonlinear_program, on_the_limit
+from heatertune.pid.tune import stated_problem
+from heatertune.pid.tune import tune as tune_model
+from heatertune.plc import Words
+from heatertune.settings import TuneSettings
 from heatertune.units import written
 
-__all__ = ["SECOND_OPINION_SCHEMA", "OpinionRow", "SecondOpinion", "disagreement", "second_opinion"]
+if TYPE_CHECKING:
+    from typing import Unpack
+
+    from control import TransferFunction
+
+    from heatertune.keywords import TuneOptions
+
+__all__ = ["SECOND_OPINION_SCHEMA", "OpinionRow", "SecondOpinion", "disagreement", "loop", "problem", "second_opinion"]
+
 
 SECOND_OPINION_SCHEMA: Final = "heatertune/second-opinion/1"
 
@@ -179,3 +199,85 @@ def _row(quantity: str, value: float, library_value: float, tolerance: float) ->
     agrees = value == library_value or abs(value - library_value) <= tolerance
     return OpinionRow(quantity=quantity, library=_LIBRARY, value=value, library_value=library_value,
                       tolerance=tolerance, agrees=agrees)
+
+
+Part = Literal["open", "closed", "load", "sensitivity"]
+_PARTS: Final = ("open", "closed", "load", "sensitivity")
+
+
+def loop(
+    heater: HeaterModel | FittedModel | LinearSystem, design: PidDesign | Words, *, of: Part = "open",
+    continuous: bool = False, pade: int | None = None,
+) -> TransferFunction:
+    """Return the loop of a heater and a design as a transfer function of python-control.
+
+    Sampled, it is exact: held power, and the dead time whatever it is. Continuous, the dead time is a Padé approximant,
+    and so is half of TA, the delay of the hold.
+
+    Args:
+        heater: of a fit, the working model.
+        design: or parameters, which are decoded to the design that they realise.
+        of: "open" is the loop L, "closed" L/(1 + L), from setpoint to temperature; "load" G/(1 + L), from power [%] to
+            temperature [°C]; "sensitivity" 1/(1 + L).
+        continuous: whether a sampled design is returned in s; a design with TA = 0 always is.
+        pade: order of the approximant; None: that of `Dynamics.to_tf`.
+
+    Raises:
+        UnknownName: no such part of the loop.
+        OutOfRange: a dead time of more than 100 samples, of which python-control's polynomials lose all digits.
+        InputError, OutOfRange: as `decode` and `heater_from`.
+    """
+    import control
+
+    if of not in _PARTS:
+        raise UnknownName("part of the loop", of, _PARTS)
+    model = heater.model if isinstance(heater, FittedModel) else heater
+    plant_model = model if isinstance(model, Fopdt | TwoLag) else heater_from(model)
+    its = decode(design) if isinstance(design, Words) else design
+    ta = its.sample_time_s
+    if continuous or ta == 0.0:
+        plant = replace(plant_model, dead_time_s=plant_model.dead_time_s + 0.5 * ta).to_tf(pade=pade)
+        controller = its.to_tf(continuous=True)
+    elif (delay := sample_plant(plant_model, ta).delay) > MOST_DELAY:
+        raise OutOfRange("dead_time_s", plant_model.dead_time_s,
+                         f"at most {MOST_DELAY} samples, not {delay}, for a sampled loop; or continuous=True")
+    else:
+        plant, controller = plant_model.to_tf(sample_time_s=ta), its.to_tf()
+    if of == "open":
+        return plant * controller
+    if of == "closed":
+        return control.feedback(plant * controller, 1)
+    return control.feedback(plant, controller) if of == "load" else control.feedback(1, plant * controller)
+
+
+@with_options(TuneSettings)
+def problem(
+    fitted: FittedModel | HeaterModel, settings: TuneSettings | None = None, **changed: Unpack[TuneOptions]
+) -> NonlinearProgram:
+    """Return the nonlinear program behind the optimum, with the symbols of CasADi, to change and to solve.
+
+    The unknowns are ln K, ln TN and, of a PID, ln TV; it begins at the design that `tune` finds, whose TA it has.
+
+        program = problem(model, ms=1.4)
+        program.solve()                                                       # the optimum
+        program.solve(limits=[200.0 - program.integral_time_s])               # with TN <= 200 s
+        program.solve(cost=program.cost + 0.1 * program.gain_pct_per_degC)    # with another cost
+
+    Args:
+        fitted: the heater and its candidates.
+        settings: objective and limits; None: the defaults.
+        changed: fields of `TuneSettings` that are other than in `settings`.
+
+    Raises:
+        InputError: CasADi is not installed; a rule, a P controller, a continuous design or the objective ki, for which
+            no program is solved; a cooler; a dead time of too many samples.
+        UnknownName, OutOfRange: as `tune`.
+    """
+    model = fitted if isinstance(fitted, FittedModel) else model_by_hand(fitted)
+    asked = merge_options(TuneSettings, settings, changed)
+    if cools(model):
+        raise InputError("a cooler is tuned as its mirror image: state its gain as positive")
+    if asked.method != "optimum":
+        raise InputError(f"{asked.method} is a rule, which has no program: leave method out")
+    design = tune_model(model, asked)
+    return nonlinear_program(stated_problem(model, asked, design.sample_time_s), design)

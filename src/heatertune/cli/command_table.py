@@ -59,9 +59,9 @@ COMMAND_MODULES: Final = {
     "write": "live.commands.write_rollback",
     "rollback": "live.commands.write_rollback",
     "watch": "live.commands.record_watch",
-    "doctor": "cli.installation",
-    "bench": "cli.installation",
-    "completion": "cli.installation",
+    "doctor": "cli.reference",
+    "bench": "cli.reference",
+    "completion": "cli.reference",
 }
 
 _UNITS: Final = ("--temperature-unit", "--power-full-scale")

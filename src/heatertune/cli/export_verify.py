@@ -12,9 +12,8 @@ from heatertune.cli import common, printing
 from heatertune.cli.command_table import written_in
 from heatertune.cli.saved_design import ProofSource, proof_source, redesign_command, target_in
 from heatertune.codec import DATA, to_json
-from heatertune.commissioned import AsLeftSettings, RecordSettings
 from heatertune.errors import DocumentError, ExportRefused, InputError
-from heatertune.settings import FeedForwardSettings, ReadSettings, SampleSettings
+from heatertune.settings import AsLeftSettings, FeedForwardSettings, ReadSettings, RecordSettings, SampleSettings
 from heatertune.writing import write_files
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""Machine code as bytes: kept in a file, and called without the compiler that made it.
+"""Machine code as bytes: kept in a file, and called without the compiler that made it; functions from generated source.
 
 Numba makes of a function one that takes its arguments apart: each number and each part of an array is an argument of
 its own. To call it, LLVM's loader and ctypes are enough; they are there in a fifth of the time that Numba takes.
@@ -12,7 +12,7 @@ import json
 import os
 import platform
 from array import array
-from collections.abc import Callable, Hashable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from ctypes import addressof
 from dataclasses import dataclass
@@ -25,12 +25,36 @@ from typing import Any, Final, cast
 import numpy as np
 
 from heatertune.cache import release
-from heatertune.compiled.generated import Scope, functions_from_text
 
 __all__ = [
-    "MISSED", "Code", "Kinds", "array_address", "entry", "host", "kinds_of", "letters_of", "packed_door",
-    "signature_text",
+    "BEYOND", "MISSED", "Code", "Kinds", "Scope", "array_address", "entry", "functions_from_text", "host",
+    "kinds_of", "letters_of", "packed_door", "signature_text",
 ]
+
+
+#: names that a function may use
+Scope = dict[str, Any]
+
+#: lines, more than any file has: who looks in it for the lines of a generated function finds none
+BEYOND: Final = 1000
+
+
+def functions_from_text(text: str, names: Mapping[str, object], *, file: str = "<generated>") -> Scope:
+    """Run the text of functions and return the names it defines, with those that it was given.
+
+    Only heatertune writes such text: from field names, numbers and instructions that were parsed before, never from
+    what a user typed.
+
+    Args:
+        text: the functions.
+        names: what they may use.
+        file: that of which they count as a part. Machine code is kept for functions of files alone, since it depends
+            on their content; the lines begin beyond its end.
+    """
+    scope = dict(names)
+    exec(compile(text if file == "<generated>" else "\n" * BEYOND + text, file, "exec"), scope)
+    return scope
+
 
 #: of arguments taken apart: a letter for a number, what tells apart arrays, a tuple's class and its end
 Kinds = tuple[Hashable, ...]

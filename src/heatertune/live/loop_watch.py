@@ -30,7 +30,7 @@ from heatertune.plc.keyed_entry import value_texts
 from heatertune.proof.heaters import labelled_heaters
 from heatertune.supervision.faulty_loops import whole_pct
 from heatertune.supervision.monitor import ALARMS, Numbers, cold, in_a_row, restart, scan, unseen
-from heatertune.supervision.monitor_document import SupervisionView
+from heatertune.supervision.monitor_design import SupervisionView
 from heatertune.units import count
 
 __all__ = ["Alarm", "BandWatch", "OnlineMonitor", "WatchStats", "others_there"]

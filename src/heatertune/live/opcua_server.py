@@ -33,7 +33,7 @@ from heatertune.errors import OutOfRange
 from heatertune.live.block_memory import STRUCTS, Access, BlockMemory, BlockSignal, Refusal
 from heatertune.live.controller_block import ServedBlock
 from heatertune.live.plc import VirtualPlc
-from heatertune.live.siemens_tags import INSTANCE, NAMESPACE, TAGGED, TAGS
+from heatertune.live.siemens_blocks import INSTANCE, NAMESPACE, TAGGED, TAGS
 from heatertune.live.simulator_status import OWN, OWN_CELLS
 from heatertune.live.thread_server import AsideServer
 

@@ -26,7 +26,7 @@ from heatertune.live.client.connection import Address, address_of, demand_librar
 from heatertune.live.controller_block import ROLES, Places, places_given
 from heatertune.live.poller import Poller, Snapshot
 from heatertune.log.cells import MARK, SWITCHED, TORN, without_torn
-from heatertune.loops.loop_values import LoopEntry, read_list
+from heatertune.loops.measures import LoopEntry, read_list
 from heatertune.units import check
 from heatertune.writing import read_bytes, settle
 
@@ -471,7 +471,7 @@ def record_addresses(
         addresses: of their PLCs, which are only read.
         folder: for the logs; it is made, and must not be there.
         settings: how long, and how often.
-        loops: list of the loops, in which `file` is the address; see `heatertune.loops.loop_values.read_list`.
+        loops: list of the loops, in which `file` is the address; see `heatertune.loops.measures.read_list`.
         shown: called now and then with the rows so far.
         ended: asked whether it is enough.
 

@@ -1,6 +1,10 @@
 """The Siemens controllers in a virtual PLC: CONT_C, the PID tip, PID_Compact, OB251 and the S7-200's V memory.
 
 Where the cells of each block are, and what of that is this simulator's own choice, stands at its class.
+
+The instance data block of a PID_Compact is optimized: over OPC UA its members have names and no addresses. An address
+that ends in `.*`, as `opc.tcp://192.168.0.10/ns=3;s="PID_Compact_1".*`, stands for all members of one instance. In such
+a PLC each word is one node, and so is written alone.
 """
 
 from __future__ import annotations
@@ -27,9 +31,8 @@ from heatertune.plc import Words
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import ControllerState
 from heatertune.plc.cpu.s7_200 import S7200State
-from heatertune.plc.cpu.s7_200.io_and_cycle import COUNTS, run_cycle
+from heatertune.plc.cpu.s7_200.io_and_cycle import COUNTS, own, run_cycle, warm_start
 from heatertune.plc.cpu.s7_200.memory import V_BEGIN, V_END, cell, put_word
-from heatertune.plc.cpu.s7_200.state import own, warm_start
 from heatertune.plc.cpu.s7_300.machine import FULL_SCALE
 from heatertune.plc.cpu.s7_300.machine import place as place_of
 from heatertune.plc.fb41.step import ContCState, call, outcome, scale_reading
@@ -61,9 +64,9 @@ from heatertune.plc.words import WordField
 
 __all__ = [
     "COMPACT_PLACES", "COMPACT_POWER", "COMPACT_READING", "COMPACT_SETPOINT", "CONT_C_LAYOUT", "CONT_C_MODE",
-    "CONT_C_POWER", "CONT_C_READING", "CONT_C_SETPOINT", "PID_TIP_LAYOUT", "PID_TIP_MODE", "PID_TIP_POWER",
-    "PID_TIP_READING", "PID_TIP_SETPOINT", "CompactBlock", "ContCBlock", "Ob251Block", "PaperMemory", "PidMemory",
-    "PidTipBlock", "TempBlock",
+    "CONT_C_POWER", "CONT_C_READING", "CONT_C_SETPOINT", "INSTANCE", "NAMESPACE", "PID_TIP_LAYOUT", "PID_TIP_MODE",
+    "PID_TIP_POWER", "PID_TIP_READING", "PID_TIP_SETPOINT", "TAGGED", "TAGS", "CompactBlock", "ContCBlock",
+    "Ob251Block", "PaperMemory", "PidMemory", "PidTipBlock", "TempBlock", "instance_of",
 ]
 
 
@@ -449,3 +452,24 @@ class ContCBlock(Laid):
         _LMN_I.write(cells, after.integral)
         pv = scale_reading(p, CONT_C_READING.read(cells))[0] if _PVPER_ON.read(cells) else _PV_IN.read(cells)
         _PV.write(cells, pv)
+
+
+#: the controller whose tags these are
+TAGGED: Final = "pid-compact"
+#: name of the instance in a virtual PLC, and the namespace of the tags in an S7-1500
+INSTANCE: Final = '"PID_Compact_1"'
+NAMESPACE: Final = "http://www.siemens.com/simatic-s7-opcua"
+_ALL: Final = ".*"
+#: of a structure of the instance; other members are its own. The reading is the scaled one, whichever input it is from
+_WITHIN: Final = {"Input": '"ScaledInput"', "OutputUpperLimit": '"Config"."OutputUpperLimit"',
+                  "OutputLowerLimit": '"Config"."OutputLowerLimit"', "InvertControl": '"Config"."InvertControl"'} | {
+    name: f'"Retain"."CtrlParams"."{name}"'
+    for name in ("Gain", "Ti", "Td", "TdFiltRatio", "PWeighting", "DWeighting", "Cycle")}
+#: tag below the instance → where the same number stands in the block of `heatertune.live.siemens_blocks.CompactBlock`
+TAGS: Final[Mapping[str, CellAddress]] = {
+    _WITHIN.get(name, f'"{name}"'): place for name, place in COMPACT_PLACES.items()}
+
+
+def instance_of(node: str) -> str:
+    """Return the node of an instance whose tags an address stands for; empty where it is the node of a block."""
+    return node.removesuffix(_ALL) if node.endswith(_ALL) else ""

@@ -18,8 +18,10 @@ from heatertune import cache
 from heatertune.arrays import Array
 from heatertune.errors import HeatertuneError, InputError
 from heatertune.log.log_values import Log
-from heatertune.loops.loop_values import Cause, LoopEntry, LoopFault
 from heatertune.loops.measures import (
+    Cause,
+    LoopEntry,
+    LoopFault,
     RegularLog,
     Swings,
     at_limit,

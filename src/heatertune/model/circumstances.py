@@ -21,10 +21,9 @@ import numpy as np
 from heatertune.log.log_values import Log
 from heatertune.model.findings import Finding
 from heatertune.model.model_values import Candidate, FittedModel
-from heatertune.model.outliers import replace_outliers, sensor_step
 from heatertune.model.power.uncertainty import told_apart
 from heatertune.model.reduction import ultimate_period_s, zero_s
-from heatertune.model.statistics import Interval
+from heatertune.model.statistics import Interval, replace_outliers, sensor_step
 from heatertune.model.two_scales import TwoScale
 from heatertune.units import check
 

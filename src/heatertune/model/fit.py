@@ -12,23 +12,21 @@ import numpy as np
 from heatertune.errors import InputError, OutOfRange
 from heatertune.log.log_values import MOST_REPAIRED, Log
 from heatertune.model.circumstances import DelaysKnown, with_neighbours
-from heatertune.model.cooler_mirror import middle_degC, mirror_heater, mirrored_log
 from heatertune.model.diagnostics import Remark, findings_of, neighbour_findings, unit_findings
 from heatertune.model.disturbance import DisturbanceEffect, LossEffect
 from heatertune.model.findings import Finding
 from heatertune.model.model_values import FitOutcome, FittedModel, model_by_hand
-from heatertune.model.outliers import undisturbed_part
+from heatertune.model.power.disturbance_fit import is_sensible
 from heatertune.model.power.explanation import Explanation, explain_log
 from heatertune.model.power.feedback import loop_remarks
 from heatertune.model.power.fit_logs import fit_logs, two_scales_of_logs
 from heatertune.model.power.fit_power import fit_extended, fit_power, weigh_fit
 from heatertune.model.power.known_controller import KnownController, compare, offset_degC, rate, records, replay_notes
-from heatertune.model.power.load_steps import is_sensible
 from heatertune.model.power.regressors import AMBIENT
 from heatertune.model.power.side_effects import cleared, fit_two_way, in_its_room, with_loss
-from heatertune.model.reduction import FIELDS
+from heatertune.model.reduction import FIELDS, middle_degC, mirror_heater, mirrored_log
 from heatertune.model.relay_test import with_relay
-from heatertune.model.statistics import autocorrelation, envelope, holds, identified_interval
+from heatertune.model.statistics import autocorrelation, envelope, holds, identified_interval, undisturbed_part
 from heatertune.model.temperature.closed_loop import Bounds, ControllerLaw
 from heatertune.model.temperature.evidence import is_faster_than_rows
 from heatertune.model.temperature.fit_temperature import fit_temperature, room_bounds

@@ -19,14 +19,13 @@ from heatertune.codec import construct_from, encode, register_schema
 from heatertune.errors import InputError
 from heatertune.log.log_values import Log
 from heatertune.model.circumstances import without_neighbours
-from heatertune.model.cooler_mirror import cools, middle_degC, mirror_heater, mirrored_log, mirrored_model
 from heatertune.model.model_document import CorrelationView, WhitenessView
 from heatertune.model.model_values import FittedModel, HeaterModel, InputCorrelation, TwoLag
-from heatertune.model.outliers import replace_outliers, undisturbed_part
 from heatertune.model.power.feedback import feedback_notes, input_correlation
 from heatertune.model.power.open_loop import FixedUnknowns, PowerProblem
 from heatertune.model.power.regressors import AMBIENT, FIRST_STATE, GAIN, SECOND_STATE, Readings
-from heatertune.model.statistics import fit_pct, ljung_box
+from heatertune.model.reduction import cools, middle_degC, mirror_heater, mirrored_log, mirrored_model
+from heatertune.model.statistics import fit_pct, ljung_box, replace_outliers, undisturbed_part
 from heatertune.options import merge_options
 from heatertune.settings import ValidateSettings
 

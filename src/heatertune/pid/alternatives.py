@@ -10,8 +10,8 @@ from typing import Any, Final
 import numpy as np
 
 from heatertune.errors import InputError, OutOfRange
-from heatertune.model.cooler_mirror import cools, mirror_heater
 from heatertune.model.model_values import FittedModel
+from heatertune.model.reduction import cools, mirror_heater
 from heatertune.pid.continuous_optimum import ContinuousProblem, assess_design, optimum
 from heatertune.pid.continuous_optimum import margins as continuous_margins
 from heatertune.pid.design_values import PidDesign

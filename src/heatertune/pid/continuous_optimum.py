@@ -21,11 +21,10 @@ from heatertune.model.model_values import FittedModel, HeaterModel
 from heatertune.pid import continuous_loop as continuous
 from heatertune.pid.continuous_loop import DERIVATIVE_FILTER_N, Four, Space, least_price, pieces, price
 from heatertune.pid.design_values import Margins, PidDesign, Promise, structure_of
-from heatertune.pid.explain import explain, told_about_faces
 from heatertune.pid.rules import RULES, apply_rule, model_for
 from heatertune.pid.sampled_loop import crossings
 from heatertune.pid.search.robust import Open, robust_design
-from heatertune.pid.specs import Specs, is_boundless, refuse_boundless
+from heatertune.pid.specs import Specs, explain, is_boundless, refuse_boundless, told_about_faces
 
 __all__ = [
     "ContinuousProblem", "Task", "assess_design", "global_check", "global_optimum", "iae", "margins", "optimum",

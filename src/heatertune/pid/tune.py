@@ -9,17 +9,16 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from heatertune.errors import InputError, UnknownName
-from heatertune.model.cooler_mirror import cools, mirror_heater
 from heatertune.model.model_values import FittedModel, HeaterModel
+from heatertune.model.reduction import cools, mirror_heater
 from heatertune.options import merge_options, options_of
 from heatertune.pid.continuous_optimum import tune_continuous
 from heatertune.pid.design_values import PidDesign, Promise, Timer
-from heatertune.pid.explain import explain, told_about_faces
 from heatertune.pid.rules import RULES, apply_rule, model_for, range_note
 from heatertune.pid.sampled_loop import dominant_time_s, iae_load, iae_setpoint, margins, noise_gain, worst
 from heatertune.pid.search.feasible import Problem, polish, search
 from heatertune.pid.search.robust import Open, RobustDesign, robust_design
-from heatertune.pid.specs import ROOM, Specs, refuse_boundless
+from heatertune.pid.specs import ROOM, Specs, explain, refuse_boundless, told_about_faces
 from heatertune.settings import STEP_POWER_PCT, TuneSettings
 from heatertune.units import check, written
 

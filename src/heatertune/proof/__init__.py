@@ -6,11 +6,9 @@ from heatertune.lazy import lazy_attributes
 
 if TYPE_CHECKING:
     from heatertune.plc.pwm import Actuator, pid_compact, pulsegen
-    from heatertune.proof.acceptance import Acceptance, Coverage, Interlock
     from heatertune.proof.criteria import Criterion, LoopLimits
     from heatertune.proof.loop import simulate
-    from heatertune.proof.monte_carlo.draw import SampleRequest, SampleSpread, replay
-    from heatertune.proof.monte_carlo.quantiles import SampleProof, prove_samples
+    from heatertune.proof.monte_carlo.draw import SampleProof, SampleRequest, SampleSpread, prove_samples, replay
     from heatertune.proof.proof import Proof, RunResult, prove_models
     from heatertune.proof.prove_words import prove
     from heatertune.proof.report_curves import simulate_wish
@@ -26,6 +24,7 @@ if TYPE_CHECKING:
     )
     from heatertune.proof.test_sequence import TestSequence, story_for
     from heatertune.proof.trace import Trace
+    from heatertune.proof.verdict import Acceptance, Coverage, Interlock
 
 __all__ = [
     "Acceptance", "Actuator", "Coverage", "Criterion", "Interlock", "Load", "LoopLimits", "Mains", "NewSetpoint",
@@ -36,14 +35,13 @@ __all__ = [
 
 __getattr__, __dir__ = lazy_attributes(__name__, {
     "plc.pwm": ("Actuator", "pid_compact", "pulsegen"),
-    "proof.acceptance": ("Acceptance", "Coverage", "Interlock"),
+    "proof.verdict": ("Acceptance", "Coverage", "Interlock"),
     "proof.criteria": ("Criterion", "LoopLimits"),
     "proof.prove_words": ("prove",),
     "proof.report_curves": ("simulate_wish",),
     "proof.loop": ("simulate",),
     "proof.proof": ("Proof", "RunResult", "prove_models"),
-    "proof.monte_carlo.quantiles": ("SampleProof", "prove_samples"),
-    "proof.monte_carlo.draw": ("SampleRequest", "SampleSpread", "replay"),
+    "proof.monte_carlo.draw": ("SampleProof", "SampleRequest", "SampleSpread", "prove_samples", "replay"),
     "proof.scenario": (
         "Load", "Mains", "NewSetpoint", "PlcPower", "Scenario", "TemperatureStep", "paper_scenario", "scenario_for"),
     "proof.test_sequence": ("TestSequence", "story_for"),

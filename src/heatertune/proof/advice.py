@@ -19,7 +19,7 @@ from heatertune.arrays import Array
 from heatertune.errors import InputError, NotRepresentable, OutOfRange
 from heatertune.log.log_values import Log
 from heatertune.model.model_values import FittedModel
-from heatertune.model.outliers import undisturbed_part
+from heatertune.model.statistics import undisturbed_part
 from heatertune.pid.design_document import DesignProvenance
 from heatertune.pid.design_values import PidDesign, structure_of
 from heatertune.plc.design import encode

@@ -17,18 +17,16 @@ import numpy.typing as npt
 
 from heatertune.arrays import Array
 from heatertune.codec import LEFT_OUT, OrInfinite, register_schema
-from heatertune.commissioned import AsLeftSettings
 from heatertune.errors import InputError
 from heatertune.log.log_values import Log
 from heatertune.model.circumstances import reading_step_degC
-from heatertune.model.cooler_mirror import cools
 from heatertune.model.model_values import FittedModel
-from heatertune.model.outliers import sensor_step
+from heatertune.model.reduction import cools
+from heatertune.model.statistics import sensor_step
 from heatertune.options import merge_options
 from heatertune.plc import Words
 from heatertune.plc.controller import controller_for
 from heatertune.processors import ProgressCallback
-from heatertune.proof.acceptance import Coverage
 from heatertune.proof.as_left_figures import (
     LEAST_STEP_DEGC,
     LEAVES,
@@ -48,6 +46,8 @@ from heatertune.proof.proof_document import ProofView
 from heatertune.proof.runs import Runs
 from heatertune.proof.scenario import NewSetpoint, Scenario
 from heatertune.proof.trace import Trace
+from heatertune.proof.verdict import Coverage
+from heatertune.settings import AsLeftSettings
 from heatertune.units import count
 
 if TYPE_CHECKING:

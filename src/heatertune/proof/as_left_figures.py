@@ -13,12 +13,11 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from heatertune.arrays import Array
-from heatertune.commissioned import AsLeftSettings
 from heatertune.errors import InputError
 from heatertune.log.log_values import Log, LogSignal
 from heatertune.model.circumstances import reading_step_degC
 from heatertune.model.model_values import HeaterModel
-from heatertune.model.outliers import sensor_step
+from heatertune.model.statistics import sensor_step
 from heatertune.proof.criteria import CRITERION, TIME_OF, CriterionKind, phases_measured
 from heatertune.proof.phase_statistics import (
     PhaseMeasure,
@@ -33,6 +32,7 @@ from heatertune.proof.phase_statistics import (
     switchings_per_h,
 )
 from heatertune.proof.proof_document import ProofView
+from heatertune.settings import AsLeftSettings
 
 __all__ = [
     "LEAST_STEP_DEGC", "LEAVES", "ProvenLoop", "TraceMeasurement", "TracePart", "TraceParts", "begins_mid_way",

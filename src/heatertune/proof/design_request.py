@@ -18,7 +18,6 @@ from heatertune.plc.word_selection import WordChoice, choose_words, tune_for_wor
 from heatertune.plc.words import with_pwm_period
 from heatertune.processors import ProgressCallback
 from heatertune.proof import Proof
-from heatertune.proof.acceptance import demand_none
 from heatertune.proof.heaters import ROOM_DEGC
 from heatertune.proof.prove_words import setpoints_for, told_of_aim, tune_settings_for
 from heatertune.proof.refine import refine
@@ -26,6 +25,7 @@ from heatertune.proof.repetition import files_of, recorded_conditions
 from heatertune.proof.ripple_and_wear import SWITCHES, propose_period
 from heatertune.proof.setpoint_ramp import prove_ramped
 from heatertune.proof.spec_file import specification_of
+from heatertune.proof.verdict import demand_none
 from heatertune.settings import Conditions, SampleSettings, TuneSettings, WordSettings
 from heatertune.units import count
 

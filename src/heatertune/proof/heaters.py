@@ -18,11 +18,11 @@ from typing import Final
 
 import numpy as np
 
-from heatertune.model.cooler_mirror import cools
 from heatertune.model.findings import Finding
 from heatertune.model.loss_curve import has_loss_curve, steady_power_pct
 from heatertune.model.model_values import FitOutcome, FittedModel, HeaterModel
-from heatertune.model.outliers import replace_outliers
+from heatertune.model.reduction import cools
+from heatertune.model.statistics import replace_outliers
 from heatertune.proof.criteria import CRITERIA, LoopLimits
 from heatertune.proof.scenario import Scenario, can_hold
 

@@ -21,7 +21,6 @@ from heatertune.plc.pwm import INSTANT_S, Actuator
 from heatertune.plc.ramp import Number
 from heatertune.plc.single_precision import single, to_single
 from heatertune.plc.words import Words
-from heatertune.proof.acceptance import Interlock
 from heatertune.proof.criteria import (
     CRITERION,
     Criterion,
@@ -49,6 +48,7 @@ from heatertune.proof.scenario import (
     temperatures,
 )
 from heatertune.proof.trace import Trace
+from heatertune.proof.verdict import Interlock
 
 __all__ = [
     "MOST_SCANS", "LoopController", "actuator_of", "check_words", "have_loss", "in_loop", "noise_of", "plant_row",

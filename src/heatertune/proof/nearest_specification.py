@@ -11,8 +11,8 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import Final
 
-from heatertune.model.cooler_mirror import cools
 from heatertune.model.model_values import FittedModel
+from heatertune.model.reduction import cools
 from heatertune.plc import Words, controller_for
 from heatertune.proof.criteria import CRITERIA, CRITERION, HEATER_REMEDIES, LIMITS, Criterion
 from heatertune.proof.heaters import ROOM_DEGC

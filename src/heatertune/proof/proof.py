@@ -24,7 +24,6 @@ from heatertune.plc.controller import Controller
 from heatertune.plc.open_points import OpenPoint
 from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words
-from heatertune.proof.acceptance import Acceptance, Coverage, Interlock, Run
 from heatertune.proof.criteria import Criterion, LoopLimits, band_of, criteria_of_words, worst_of
 from heatertune.proof.heaters import MainsScenario, mains_label
 from heatertune.proof.initial_states import (
@@ -53,11 +52,11 @@ from heatertune.proof.runs import AllRuns, Runs, outside_budget
 from heatertune.proof.scenario import Scenario
 from heatertune.proof.specification import Specification
 from heatertune.proof.trace import Trace
-from heatertune.proof.verdict import NOT_PROVEN, FitDiagnostics, combined_verdict
+from heatertune.proof.verdict import NOT_PROVEN, Acceptance, Coverage, FitDiagnostics, Interlock, Run, combined_verdict
 from heatertune.show import NotebookDisplay
 
 if TYPE_CHECKING:
-    from heatertune.proof.monte_carlo.quantiles import SampleProof
+    from heatertune.proof.monte_carlo.draw import SampleProof
 
 __all__ = ["DRAWS", "NoiseDraws", "Proof", "Run", "RunResult", "draw_noise", "nearest", "prove_models"]
 

@@ -20,7 +20,6 @@ from heatertune.errors import DocumentError
 from heatertune.pid.design_document import BoostView, RampView
 from heatertune.plc import Scaling
 from heatertune.plc.pwm import Actuator
-from heatertune.proof.acceptance import Interlock
 from heatertune.proof.criteria import CRITERIA, CRITERION, LIMITS, CriterionKind, CriterionView, LoopLimits
 from heatertune.proof.heaters import RATED_ONLY, MainsScenario
 from heatertune.proof.scenario import Scenario, kinds_of, phases_of
@@ -30,6 +29,7 @@ from heatertune.proof.verdict import (
     NOT_PROVEN,
     PROOF_SCHEMA,
     FitDiagnosticsView,
+    Interlock,
     combined_verdict,
     verdict_of_samples,
 )

@@ -8,9 +8,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 from heatertune.errors import InputError, OutOfRange
-from heatertune.model.cooler_mirror import cools
 from heatertune.model.loss_curve import for_setpoints
 from heatertune.model.model_values import FitOutcome, FittedModel, HeaterModel
+from heatertune.model.reduction import cools
 from heatertune.options import merge_options, with_options
 from heatertune.pid.sampled_loop import margins
 from heatertune.plc import Words, controller_for
@@ -19,7 +19,6 @@ from heatertune.plc.inputs import has_ends
 from heatertune.plc.pwm import Actuator, in_ticks, switched_by, tick_for
 from heatertune.plc.targets import GROUPS
 from heatertune.processors import ProgressCallback, log_progress
-from heatertune.proof.acceptance import Acceptance, Coverage, Interlock, Run
 from heatertune.proof.criteria import LoopLimits, band_of
 from heatertune.proof.heaters import (
     MAINS_POWERS,
@@ -42,7 +41,7 @@ from heatertune.proof.proof import Proof, prove_models
 from heatertune.proof.spec_file import specification_of
 from heatertune.proof.specification import Specification
 from heatertune.proof.test_sequence import LoopTiming, SequencePlan, story_for
-from heatertune.proof.verdict import FitDiagnostics
+from heatertune.proof.verdict import Acceptance, Coverage, FitDiagnostics, Interlock, Run
 from heatertune.settings import Conditions, TuneSettings
 
 if TYPE_CHECKING:

@@ -27,7 +27,6 @@ from heatertune.plc.controller import Controller
 from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words
 from heatertune.processors import ProgressCallback, processors, threaded_map
-from heatertune.proof.acceptance import Coverage, Interlock, Run
 from heatertune.proof.criteria import Criterion, LoopLimits, columns_of, meter_for
 from heatertune.proof.heaters import RATED_ONLY, limits_off_rated, mains_label
 from heatertune.proof.kernel import AS_TOLD, LoopBatch, TraceArrays
@@ -49,6 +48,7 @@ from heatertune.proof.loop import (
 from heatertune.proof.phase_statistics import CriterionTable, join_tables, reorder, rests_of, table_from
 from heatertune.proof.scenario import Scenario, conditions, delay_heater, events_of
 from heatertune.proof.trace import Trace
+from heatertune.proof.verdict import Coverage, Interlock, Run
 
 __all__ = ["MOST_SCANS", "AllRuns", "Runs", "SearchBudget", "count_scans", "judged_once", "measure_runs",
            "outside_budget"]

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from heatertune.errors import OutOfRange
-from heatertune.model.cooler_mirror import cools
 from heatertune.model.model_values import FittedModel
+from heatertune.model.reduction import cools
 from heatertune.plc import Boost, Ramp, Words, controller_for
 from heatertune.plc.single_precision import single
 from heatertune.processors import ProgressCallback

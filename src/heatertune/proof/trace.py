@@ -17,9 +17,9 @@ from heatertune.model.loss_curve import loss_above
 from heatertune.model.model_values import HeaterModel
 from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words
-from heatertune.proof.acceptance import Interlock
 from heatertune.proof.criteria import Criterion
 from heatertune.proof.scenario import Scenario, phases_of, temperatures
+from heatertune.proof.verdict import Interlock
 from heatertune.show import NotebookDisplay
 
 __all__ = ["Trace"]

@@ -9,11 +9,11 @@ from typing import Final, NamedTuple
 
 from heatertune.model.model_values import FittedModel
 from heatertune.plc import Words
-from heatertune.proof.acceptance import Run
 from heatertune.proof.criteria import Criterion
 from heatertune.proof.long_outage import BRIEF, JUDGED, wound
 from heatertune.proof.proof import Proof, RunResult
 from heatertune.proof.prove_words import prove
+from heatertune.proof.verdict import Run
 from heatertune.settings import Conditions
 
 __all__ = ["NOTICEABLE", "RunScreen", "WorstRuns"]

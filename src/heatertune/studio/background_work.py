@@ -17,7 +17,6 @@ from typing import Any, Final, Protocol
 from heatertune.chain.documents import words_document
 from heatertune.chain.pipeline import dossier
 from heatertune.codec import DATA, decode, encode, plain, to_json
-from heatertune.commissioned import AsLeftSettings
 from heatertune.errors import HeatertuneError
 from heatertune.log.log_values import Log
 from heatertune.plc import controller_for
@@ -28,7 +27,7 @@ from heatertune.report.as_left_section import judged_text, measured_text, worst_
 from heatertune.report.html import bullets, table, text_of
 from heatertune.report.plots import LOOK
 from heatertune.report.report_text import limit_text, readable_name
-from heatertune.settings import FitSettings
+from heatertune.settings import AsLeftSettings, FitSettings
 from heatertune.studio.charts import Options
 from heatertune.studio.live_log import LiveLog, RecordingRequest
 from heatertune.studio.loop_settings import (

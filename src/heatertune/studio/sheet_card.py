@@ -19,7 +19,6 @@ from typing import Any, Final
 import numpy as np
 from nicegui import ui
 
-from heatertune.commissioned import AsLeftSettings
 from heatertune.errors import HeatertuneError, InputError, LogError
 from heatertune.log import read_log
 from heatertune.log.cells import plain_cells, read_sheet
@@ -31,7 +30,7 @@ from heatertune.log.sheet import Sheet
 from heatertune.log.tags import TagSelection, places
 from heatertune.options import Option, options_of
 from heatertune.report.html import bullets, text_of
-from heatertune.settings import FitSettings, ReadSettings
+from heatertune.settings import AsLeftSettings, FitSettings, ReadSettings
 from heatertune.studio.charts import preview
 from heatertune.studio.controls import NUMBER_SEEN, number_field, select_field
 from heatertune.studio.wording import for_page

@@ -24,8 +24,8 @@ from heatertune.arrays import Array
 from heatertune.codec import encode
 from heatertune.compiled import compile_function
 from heatertune.errors import InputError
-from heatertune.model.cooler_mirror import cools
 from heatertune.model.model_values import FittedModel
+from heatertune.model.reduction import cools
 from heatertune.plc import Words, controller_for
 from heatertune.plc.klipper.controller import heater_of
 from heatertune.plc.open_points import settings_to_prove
@@ -46,14 +46,18 @@ from heatertune.supervision.faulty_loops import (
     breakable_sensor,
 )
 from heatertune.supervision.monitor import ALARMS, Numbers
-from heatertune.supervision.monitor_design import FRESH, Bench, MonitorDesign, design, first_alarm
-from heatertune.supervision.monitor_document import (
+from heatertune.supervision.monitor_design import (
+    FRESH,
+    Bench,
     CardView,
     FaultView,
+    MonitorDesign,
     OffView,
     SpreadView,
     SupervisionView,
     TraceView,
+    design,
+    first_alarm,
 )
 from heatertune.supervision.text.one_bit import TARGET, reduce_monitor
 from heatertune.supervision.text.program_check import MonitorProgram, export_monitor

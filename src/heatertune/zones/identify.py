@@ -20,8 +20,7 @@ from heatertune.arrays import Array
 from heatertune.errors import InputError, OutOfRange
 from heatertune.log.log_values import ABSOLUTE_ZERO_DEGC, MIN_SAMPLES
 from heatertune.model.findings import Finding
-from heatertune.model.outliers import sensor_step
-from heatertune.model.statistics import Interval
+from heatertune.model.statistics import Interval, sensor_step
 from heatertune.zones.network import (
     Modes,
     ThermalNetwork,

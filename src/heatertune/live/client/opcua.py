@@ -19,7 +19,7 @@ from asyncua import Client, ua
 
 from heatertune.errors import LinkDown, ReplyLost
 from heatertune.live.client.connection import Address, RequestConnection, SignOfLife, close_by_reset
-from heatertune.live.siemens_tags import TAGS, instance_of
+from heatertune.live.siemens_blocks import TAGS, instance_of
 from heatertune.live.simulator_status import OWN
 
 __all__ = ["OpcuaClient", "TagClient", "open_client"]
@@ -152,7 +152,7 @@ class OpcuaClient(RequestConnection):
 
 
 class TagClient(OpcuaClient):
-    """A client of an instance whose members are nodes of their own; see `heatertune.live.siemens_tags`.
+    """A client of an instance whose members are nodes of their own; see `heatertune.live.siemens_blocks`.
 
     It reads and writes them as the bytes of the block that other protocols find. A read is one request, which a server
     may answer from two scans; a write of one tag is whole.

@@ -294,7 +294,7 @@ def _unmoved(watch: BandWatch, so_far: RecordingState) -> str:
 
 def _monitored(path: str | None, proven: ProvenWords) -> OnlineMonitor | None:
     from heatertune.live.loop_watch import OnlineMonitor
-    from heatertune.supervision.monitor_document import read_supervision
+    from heatertune.supervision.monitor_design import read_supervision
 
     if path is None:
         return None

@@ -14,7 +14,7 @@ from heatertune.live.block_memory import BlockSignal, field_of, to_word_format
 from heatertune.live.client.connection import Address, Client, ClosesOnExit, SignOfLife, connect, told_by
 from heatertune.live.controller_block import SERVED, ServedBlock, block_for
 from heatertune.live.hold import HOST, Clock
-from heatertune.live.siemens_tags import TAGGED, instance_of
+from heatertune.live.siemens_blocks import TAGGED, instance_of
 from heatertune.live.simulator_status import RUNS, SimulatorStatus
 from heatertune.plc import Controller, Words, controller_for
 from heatertune.plc.ramp import Number

@@ -20,13 +20,12 @@ from heatertune.plc import Words, controller_for
 from heatertune.plc.ramp import Number
 from heatertune.plc.words import check_fields
 from heatertune.processors import ProgressCallback
-from heatertune.proof.acceptance import Acceptance, Coverage
 from heatertune.proof.heaters import labelled_heaters
 from heatertune.proof.proof import prove_models
 from heatertune.proof.proof_document import ProofView
 from heatertune.proof.repetition import repeat_proof
 from heatertune.proof.setpoint_ramp import prove_ramped
-from heatertune.proof.verdict import PROOF_SCHEMA, derived_verdict, verdict_line
+from heatertune.proof.verdict import PROOF_SCHEMA, Acceptance, Coverage, derived_verdict, verdict_line
 from heatertune.settings import Conditions
 
 __all__ = ["LEAST_YES", "Check", "Declared", "ProvenWords", "checks", "interval_found", "read_proven", "refusal_reason"]

@@ -18,9 +18,9 @@ from heatertune.arrays import Array
 from heatertune.log.log_values import Log
 from heatertune.model.findings import Finding
 from heatertune.model.model_values import Candidate, Fopdt, Half, HeaterModel, HeldOut
+from heatertune.model.power.disturbance_fit import bic_of, is_plain_rest, is_sensible, lowest_degC, starts
 from heatertune.model.power.feedback import follows_temperature, is_feedback
 from heatertune.model.power.fit_checks import unseen
-from heatertune.model.power.load_steps import bic_of, is_plain_rest, is_sensible, lowest_degC, starts
 from heatertune.model.power.nonlinear import Bend
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
 from heatertune.model.power.regressors import AMBIENT, GAP, Readings

@@ -23,15 +23,15 @@ from heatertune.errors import InputError
 from heatertune.log.log_values import MIN_SAMPLES, Log
 from heatertune.model.diagnostics import Remark
 from heatertune.model.model_values import Fopdt
-from heatertune.model.outliers import replace_outliers, without_outliers
 from heatertune.model.power.changed_heater import refuse_changed
+from heatertune.model.power.disturbance_fit import bic_of, is_sensible, refit_all, with_events, without_events
 from heatertune.model.power.feedback import WRONG_SIGN, demand_cause, explains, follows_temperature, is_feedback
-from heatertune.model.power.load_steps import bic_of, is_sensible, refit_all, with_events, without_events
 from heatertune.model.power.loss_fit import LossFit, leaves_noise
 from heatertune.model.power.nonlinear import Bend, judged_linear
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
 from heatertune.model.power.regressors import Readings
 from heatertune.model.power.two_scales_fit import TwoScaleFit
+from heatertune.model.statistics import replace_outliers, without_outliers
 
 __all__ = [
     "MOST", "CleanedFit", "Explanation", "Segments", "alias_of", "alias_remarks", "clean_log", "explain_log", "gaps",

@@ -27,11 +27,10 @@ from heatertune.errors import InputError
 from heatertune.log.log_values import Log
 from heatertune.model.diagnostics import Remark
 from heatertune.model.model_values import InputCorrelation
-from heatertune.model.outliers import interruption_note
-from heatertune.model.power.load_steps import bic_of, with_loads
+from heatertune.model.power.disturbance_fit import bic_of, with_loads
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
 from heatertune.model.power.regressors import AMBIENT, GAIN, Readings
-from heatertune.model.statistics import ar1_bic, autocorrelation
+from heatertune.model.statistics import ar1_bic, autocorrelation, interruption_note
 
 __all__ = [
     "WRONG_SIGN", "closed_loop", "demand_cause", "explains", "feedback_notes", "follows_temperature",
@@ -253,7 +252,7 @@ def _heats_on_demand(log: Log) -> bool:
 def _cools(problem: PowerProblem, fit: PowerFit, opposite: PowerProblem, second_fit: PowerFit) -> bool:
     """Return whether cooling explains a log better than heating, or as well where heating asks for the absurd."""
     dearer = bic_of(problem, fit) - bic_of(opposite, second_fit)
-    if dearer > _CAUSALITY_SURE and _squares(opposite, second_fit) < _BETTER * _squares(problem, fit):
+    if dearer > _CAUSALITY_SURE and opposite.squares(second_fit) < _BETTER * problem.squares(fit):
         return True
     if dearer < -_CAUSALITY_SURE or (dearer <= _CAUSALITY_SURE and not _is_strange(problem, fit)):
         return False
@@ -337,7 +336,7 @@ def _lost(problem: PowerProblem, fit: PowerFit) -> float:
     """Return the sum of squares that a fit leaves beyond the noise between neighbours, at least 0 [°C²]."""
     record = problem.readings.temperature_degC
     noise = len(record) * float(np.mean(np.diff(record, 2) ** 2)) / 6.0
-    return max(_squares(problem, fit) - noise, 0.0)
+    return max(problem.squares(fit) - noise, 0.0)
 
 
 def _still(problem: PowerProblem) -> PowerProblem:
@@ -405,10 +404,6 @@ def _answers_beside_load(problem: PowerProblem, still: PowerProblem, fit: PowerF
 
 def _sample(problem: PowerProblem) -> float:
     return float(np.median(np.diff(problem.readings.time_s))) / problem.readings.averaged
-
-
-def _squares(problem: PowerProblem, fit: PowerFit) -> float:
-    return float(np.sum((problem.readings.temperature_degC - fit.simulated_degC) ** 2))
 
 
 _EXPLAINED = 0.8  # share of the power's variance that the temperature and its sum explain

@@ -115,11 +115,7 @@ def fit_of_half(part: PowerProblem, whole: PowerFit) -> PowerFit:
     """
     fit = part.refine(whole.vector[None, :])
     held = part.refine_held(whole.vector, float(whole.linear[GAIN]))
-    return held if fit.model is None or _squares(part, held) < _LESS * _squares(part, fit) else fit
-
-
-def _squares(problem: PowerProblem, fit: PowerFit) -> float:
-    return float(np.sum((problem.readings.temperature_degC - fit.simulated_degC) ** 2))
+    return held if fit.model is None or part.squares(held) < _LESS * part.squares(fit) else fit
 
 
 def _half(problem: PowerProblem, fit: PowerFit, rows: Rows) -> Half | None:

@@ -24,6 +24,7 @@ from heatertune.model.diagnostics import Remark, fast_remarks, findings_of, poor
 from heatertune.model.least_squares import Minima, ResidualFunction, minimise
 from heatertune.model.model_values import Candidate, FittedModel, Fopdt, OneLog, Residuals
 from heatertune.model.power.candidates import lies_inside, open_ends, second_is_seen, widen_intervals
+from heatertune.model.power.disturbance_fit import bic_of
 from heatertune.model.power.explanation import Explanation, alias_remarks
 from heatertune.model.power.fit_power import (
     WeighedFit,
@@ -37,7 +38,6 @@ from heatertune.model.power.fit_power import (
     values_of,
     weigh_fit,
 )
-from heatertune.model.power.load_steps import bic_of
 from heatertune.model.power.nonlinear import bend_remarks
 from heatertune.model.power.open_loop import FixedUnknowns, PowerFit, PowerProblem, parameters_on_bounds
 from heatertune.model.power.regressors import AMBIENT, DRIFT, GAIN

@@ -33,7 +33,6 @@ from heatertune.model.model_values import (
     Residuals,
     Validation,
 )
-from heatertune.model.outliers import sensor_step
 from heatertune.model.power.candidates import (
     Rival,
     candidates_of,
@@ -42,6 +41,7 @@ from heatertune.model.power.candidates import (
     second_is_seen,
     widen_intervals,
 )
+from heatertune.model.power.disturbance_fit import bic_of, edges_of
 from heatertune.model.power.explanation import Explanation, alias_remarks
 from heatertune.model.power.fit_checks import (
     check_fit,
@@ -53,7 +53,6 @@ from heatertune.model.power.fit_checks import (
     predicts,
     sides,
 )
-from heatertune.model.power.load_steps import bic_of, edges_of
 from heatertune.model.power.loss_fit import LossFit
 from heatertune.model.power.nonlinear import Bend, bend_remarks
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
@@ -69,7 +68,7 @@ from heatertune.model.power.uncertainty import (
     value_of,
 )
 from heatertune.model.reduction import ultimate_period_s
-from heatertune.model.statistics import PERIOD, RATIO, Interval, autocorrelation, fit_pct, identified_parts
+from heatertune.model.statistics import PERIOD, RATIO, Interval, autocorrelation, fit_pct, identified_parts, sensor_step
 from heatertune.units import NOMENCLATURE
 
 __all__ = [
@@ -475,7 +474,7 @@ def _surprises(
     if fit.model is None:
         return {}
     noise = noise_of(part, fit)
-    least = float(np.sum((part.readings.temperature_degC - fit.simulated_degC) ** 2))
+    least = part.squares(fit)
     normal = (_NORMAL / noise.quantile) ** 2  # a short half does not know its noise well
     surprises = {}
     for name in (set(values) & set(noise.deviation)) - noise.unseen:

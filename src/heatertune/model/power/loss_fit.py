@@ -30,10 +30,9 @@ from heatertune.heater.heat_loss import ABSOLUTE_ZERO_DEGC, RADIATION, Loss, Los
 from heatertune.model.least_squares import minimise
 from heatertune.model.loss_curve import LossFopdt, LossTwoLag, heater_with_loss, steady_power_pct
 from heatertune.model.model_values import HeaterModel
-from heatertune.model.outliers import sensor_step
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
 from heatertune.model.power.regressors import AMBIENT, GAIN, Readings
-from heatertune.model.statistics import Interval, ar1_bic, student_t
+from heatertune.model.statistics import Interval, ar1_bic, sensor_step, student_t
 
 __all__ = ["LossEnd", "LossFit", "fit_loss_curves", "held_levels", "leaves_noise"]
 

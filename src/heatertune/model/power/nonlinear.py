@@ -30,7 +30,7 @@ from heatertune.log.log_values import ABSOLUTE_ZERO_DEGC
 from heatertune.model.diagnostics import Remark
 from heatertune.model.least_squares import minimise
 from heatertune.model.model_values import Fopdt, HeaterModel, TwoLag
-from heatertune.model.power.load_steps import Way, bic_of, coincides, left_over, refit_all, with_loads
+from heatertune.model.power.disturbance_fit import Way, bic_of, coincides, left_over, refit_all, with_loads
 from heatertune.model.power.loss_fit import LossFit, fit_loss_curves
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
 from heatertune.model.power.regressors import AMBIENT, DRIFT, FIRST_STATE, GAIN, SECOND_STATE

@@ -424,6 +424,10 @@ class PowerProblem:
         """How many columns the linear part has."""
         return COLUMNS + len(self.loads_s) + 2 * len(self.readings.restart_s)
 
+    def squares(self, fit: PowerFit) -> float:
+        """Return the sum of the squared residuals of a fit [°C²]."""
+        return float(np.sum((self.readings.temperature_degC - fit.simulated_degC) ** 2))
+
     def solve(self, z: Array, records: Array, fixed: FixedUnknowns | None = None) -> tuple[Array, Array]:
         """Return residuals (n, m) and linear parts (n, columns) for vectors (n, 3) and one record each.
 

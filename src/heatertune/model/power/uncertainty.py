@@ -22,7 +22,7 @@ from heatertune.arrays import Array
 from heatertune.log.log_values import Log
 from heatertune.model.loss_curve import same_beyond
 from heatertune.model.model_values import Candidate, Fopdt, Half, HeaterModel, disagreeing_parameters
-from heatertune.model.power.load_steps import bic_of
+from heatertune.model.power.disturbance_fit import bic_of
 from heatertune.model.power.open_loop import FAR, FixedUnknowns, PowerFit, PowerProblem
 from heatertune.model.power.regressors import AMBIENT, GAIN
 from heatertune.model.reduction import ultimate_period_s
@@ -306,7 +306,7 @@ def _profile(problem: PowerProblem, fit: PowerFit, name: str, noise: ParameterNo
     low, high = bounds_of(problem)[name]
     best = value_of(fit, name)
     limit = (times * noise.quantile) ** 2 * noise.inflation[name] * noise.variance
-    least = float(np.sum((problem.readings.temperature_degC - fit.simulated_degC) ** 2))
+    least = problem.squares(fit)
     ends = []
     for side in (-1.0, 1.0):
         values = np.clip(best + side * times * noise.deviation[name] * STEPS, low, high)

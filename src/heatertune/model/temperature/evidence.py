@@ -23,9 +23,9 @@ from heatertune.arrays import Array
 from heatertune.log.log_values import Log
 from heatertune.model.diagnostics import Remark
 from heatertune.model.model_values import HeaterModel
-from heatertune.model.outliers import SWITCHED_OFF
 from heatertune.model.power.open_loop import PowerProblem
 from heatertune.model.power.regressors import Readings
+from heatertune.model.statistics import SWITCHED_OFF
 from heatertune.model.temperature.closed_loop import Bounds
 
 __all__ = [

@@ -13,7 +13,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from typing import Any, Final, NamedTuple
 
-from heatertune.compiled.generated import functions_from_text
+from heatertune.compiled.loader import functions_from_text
 from heatertune.errors import InputError
 
 __all__ = ["Accumulators", "Run", "StatementLine", "Translation", "in_ascii"]

@@ -32,19 +32,21 @@ from heatertune.plc.cpu.s7_200.io_and_cycle import (
     TimedProgram,
     check_cycle,
     clock,
+    cold_start,
     counts_wired,
     cycle_ms,
     cycle_s,
     head,
     ms_per_count,
+    own,
     run_cycle,
     ticks_of,
     timed_program,
+    warm_start,
     whole_cycle,
     wire,
 )
 from heatertune.plc.cpu.s7_200.readback import DataBlockMemory, LoadedNumber, difference, is_program, loads, statements
-from heatertune.plc.cpu.s7_200.state import cold_start, own, warm_start
 from heatertune.plc.print.statements import setpoint_ramp
 from heatertune.plc.print.stl import networks, ramp_begins
 from heatertune.plc.readback import ReadBack, WordCollector, whole_of, wrong

@@ -20,10 +20,10 @@ from heatertune.model.temperature.closed_loop import Constant, Step
 from heatertune.plc.cpu.s7_200 import S7200Program, S7200State
 from heatertune.plc.cpu.s7_200.cpu import carry_out
 from heatertune.plc.cpu.s7_200.io_and_cycle import WIDTH_APPLIES, wire
+from heatertune.plc.cpu.s7_200.io_and_cycle import cold_start as started_cpu
+from heatertune.plc.cpu.s7_200.io_and_cycle import own as own_cpu
+from heatertune.plc.cpu.s7_200.io_and_cycle import warm_start as restarted_cpu
 from heatertune.plc.cpu.s7_200.memory import ATTACHED, ENABLED, FAULTS, WIDTH, bit, cell, word
-from heatertune.plc.cpu.s7_200.state import cold_start as started_cpu
-from heatertune.plc.cpu.s7_200.state import own as own_cpu
-from heatertune.plc.cpu.s7_200.state import warm_start as restarted_cpu
 from heatertune.plc.open_points import OpenPoint
 
 __all__ = [

@@ -8,8 +8,15 @@ from typing import ClassVar
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import ControllerState, StepFunctions
 from heatertune.plc.cpu.s7_200 import COLD, assemble
-from heatertune.plc.cpu.s7_200.io_and_cycle import TIMER, check_cycle, cycle_s, timed_program
-from heatertune.plc.cpu.s7_200.state import cold_start, own, warm_start
+from heatertune.plc.cpu.s7_200.io_and_cycle import (
+    TIMER,
+    check_cycle,
+    cold_start,
+    cycle_s,
+    own,
+    timed_program,
+    warm_start,
+)
 from heatertune.plc.s7_200_pid.export import (
     COUNTDOWN,
     export_words,

@@ -18,8 +18,7 @@ from heatertune.plc.single_precision import to_single
 from heatertune.proof.kernel import LoopBatch, SetpointProgram, asked_now
 from heatertune.proof.lanes import passes as one
 from heatertune.proof.lanes import two_lags as two
-from heatertune.proof.lanes.passes import ROWS, ring_for, run_scan
-from heatertune.proof.lanes.rows import LANES, constant_function, rows_of
+from heatertune.proof.lanes.passes import LANES, ROWS, constant_function, ring_for, rows_of, run_scan
 from heatertune.proof.lanes.side_by_side import group, run_in_lanes, started_up
 from heatertune.proof.loop import LoopController
 from heatertune.proof.meter import Meter

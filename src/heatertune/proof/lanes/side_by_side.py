@@ -1,7 +1,7 @@
 """The closed loop of `heatertune.proof.kernel` for 32 heaters of one lag at once, with bit-identical results.
 
-The state of each loop is a row of one flat array (`heatertune.proof.lanes.rows`). Each part of a scan is a plain `for`
-over the loops without a call or a jump, which a compiler turns into vector instructions: what only some loops need is
+The state of the loops is one flat array (`heatertune.proof.lanes.passes`). Each part of a scan is a plain `for` over
+the loops without a call or a jump, which a compiler turns into vector instructions: what only some loops need is
 computed for all and selected. Scans, PWM periods and the supply of the PLC are common to all. Edges reach the heaters
 at their own instants: passes repeat until none is due, and only passes in which some loop crosses a limit look for the
 instant. Rare events (disturbances, rest, start-up) use the kernel's own functions, loop by loop.
@@ -25,7 +25,9 @@ from heatertune.proof.kernel import (
     ticked_on,
 )
 from heatertune.proof.lanes.passes import (
+    LANES,
     NEVER,
+    STEP,
     EdgeWindow,
     Inner,
     LaneCounts,
@@ -39,6 +41,7 @@ from heatertune.proof.lanes.passes import (
     Under,
     cut_off,
     flow_of,
+    lanes_of,
     loaded_counts,
     loaded_inner,
     loaded_line,
@@ -65,7 +68,6 @@ from heatertune.proof.lanes.passes import (
     switch_period,
     toggled_power,
 )
-from heatertune.proof.lanes.rows import LANES, STEP, lanes_of
 from heatertune.proof.meter import FAULTS, LIMITED, SCANS, SWITCHINGS, Meter, Places, SteadyStateStats, close
 from heatertune.proof.meter import begin as seen_at
 from heatertune.proof.plant import advance_heater, factors, plant_from

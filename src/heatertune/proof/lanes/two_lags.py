@@ -20,6 +20,7 @@ from heatertune.proof.lanes.passes import (
     due_until,
     enter_ripple,
     flow_of,
+    lanes_of,
     loaded_end,
     loaded_inner,
     loaded_line,
@@ -41,7 +42,6 @@ from heatertune.proof.lanes.passes import (
     stored_stretch,
     switches,
 )
-from heatertune.proof.lanes.rows import lanes_of
 from heatertune.proof.meter import (
     Places,
     absolute_by,

@@ -6,7 +6,7 @@ The changes are PWM period, sampling interval, setpoint ramp and output limits; 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Final, Literal, NamedTuple
 
@@ -251,44 +251,37 @@ def design_changes(
         least_interval_s: TA is not taken below [s].
     """
     words, broken = proof.words, {*proof.broken_criteria, *briefly(proof.diagnostics)}
-    own = controller_for(words.target).timing(words).pwm_period_s is not None
+    controller = controller_for(words.target)
+    own = controller.timing(words).pwm_period_s is not None
     switch = _SwitchChoice(proof=proof, models=tuple(models), own=own)
-    given = own or period_given
-    quick = [] if given or broken <= OF_WINDUP else switch.quicker(words.sample_time_s)
-    slow = [] if given or "switchings" not in broken else switch.slower()
-    swings = bool(broken & {"limit_cycle", "pwm_ripple"}) and switch.share(proof.actuator.pwm_period_s) > 1.0
+    of_windup, beyond = broken <= OF_WINDUP, bool(broken & (OVERSHOOTS | REHEATS))
     limited = list(switch.limited()) if broken & OF_WINDUP else []
-    controller, beyond = controller_for(words.target), bool(broken & (OVERSHOOTS | REHEATS))
     boosted = [DesignChange(has_boost=True)] if boost_open and controller.has_boost and beyond else []
     ramped = [DesignChange(ramp="fastest")] if ramp_open and controller.has_ramp and beyond else []
-    coarse = switch.pwm(proof.actuator.pwm_period_s).share(proof.limits.tolerance_degC) > _RIPPLE
-    bursts = [] if given or broken <= OF_WINDUP or not coarse else [
-        DesignChange(bursts_s=switch.bursts_s).with_(change) for change in (DesignChange(), *boosted, *limited,
-                                                                            *ramped)]
+    bursts, quick, slow = ([], [], []) if own or period_given else switch.for_criteria(
+        broken, (DesignChange(), *boosted, *limited, *ramped))
+    swings = bool(broken & {"limit_cycle", "pwm_ripple"}) and switch.share(proof.actuator.pwm_period_s) > 1.0
     hopeless = swings and switch.calmest.share(proof.limits.tolerance_degC) >= _HOPELESS
-    if hopeless and bursts:
-        yield from bursts
-        quick = []
-    if not swings:
-        yield from boosted  # costs nothing but the program
-    windup = broken <= OF_WINDUP and bool(limited)
+    quick = [] if hopeless and bursts else quick
+    windup = of_windup and bool(limited)
     gains = [] if windup else [DesignChange()]
-    yield from (*quick, *gains, *slow) if swings else (*gains, *quick, *slow)
-    yield from wider_windows(proof)
-    if broken - OF_WINDUP:
-        yield from boosted
-    yield from limited
-    if not (ramped and broken <= OF_WINDUP):
-        if not interval_given:
-            yield from _intervals(switch, words, least_interval_s)
-        yield from default_changes(proof, tuned)
-    yield from ramped
-    if windup:
-        yield DesignChange()  # gains mend a windup dearly: limit and ramp leave what a load costs as it is
-    if broken <= OF_WINDUP:
-        yield from boosted  # with what has helped by now
-    if not hopeless:
-        yield from bursts
+    costly = not (ramped and of_windup)
+    for applies, changes in (
+        (hopeless, bursts),
+        (not swings, boosted),  # costs nothing but the program
+        (True, (*quick, *gains, *slow) if swings else (*gains, *quick, *slow)),
+        (True, wider_windows(proof)),
+        (not of_windup, boosted),
+        (True, limited),
+        (costly and not interval_given, _intervals(switch, words, least_interval_s)),
+        (costly, default_changes(proof, tuned)),
+        (True, ramped),
+        (windup, [DesignChange()]),  # gains mend a windup dearly: limit and ramp leave what a load costs as it is
+        (of_windup, boosted),  # with what has helped by now
+        (not hopeless, bursts),
+    ):
+        if applies:
+            yield from changes
 
 
 def wider_windows(proof: Proof) -> Iterator[DesignChange]:
@@ -354,6 +347,22 @@ class _SwitchChoice:
     proof: Proof
     models: tuple[HeaterModel, ...]
     own: bool
+
+    def for_criteria(
+        self, broken: Collection[str], with_bursts: Iterable[DesignChange]
+    ) -> tuple[list[DesignChange], list[DesignChange], list[DesignChange]]:
+        """Return bursts, shorter PWM periods and longer ones that may help where criteria are broken.
+
+        Args:
+            broken: names of the criteria, and of what else the proof found.
+            with_bursts: what the bursts are tried together with.
+        """
+        of_windup = OF_WINDUP.issuperset(broken)
+        coarse = self.pwm(self.proof.actuator.pwm_period_s).share(self.proof.limits.tolerance_degC) > _RIPPLE
+        bursts = [] if of_windup or not coarse else [
+            DesignChange(bursts_s=self.bursts_s).with_(change) for change in with_bursts]
+        quick = [] if of_windup else self.quicker(self.proof.words.sample_time_s)
+        return bursts, quick, self.slower() if "switchings" in broken else []
 
     def share(self, period_s: float) -> float:
         """Return the ripple of a PWM period as a multiple of what leaves the loop its part of the band."""

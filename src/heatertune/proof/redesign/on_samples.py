@@ -11,7 +11,7 @@ from heatertune.model.loss_curve import for_setpoints
 from heatertune.model.model_values import Candidate, FittedModel, HeaterModel
 from heatertune.processors import ProgressCallback
 from heatertune.proof.design_request import DesignRequest, DesignResult
-from heatertune.proof.monte_carlo.quantiles import SampleProof
+from heatertune.proof.monte_carlo.draw import SampleProof
 from heatertune.proof.monte_carlo.run import drawing_for, with_samples
 from heatertune.proof.prove_words import every_setpoint, prove
 from heatertune.proof.redesign.design_changes import costs, gains_told

@@ -14,9 +14,9 @@ from functools import lru_cache, partial
 from typing import Final
 
 from heatertune.errors import HeatertuneError, InputError
-from heatertune.model.cooler_mirror import cools, mirror_heater
 from heatertune.model.loss_curve import for_setpoints
 from heatertune.model.model_values import FittedModel
+from heatertune.model.reduction import cools, mirror_heater
 from heatertune.pid.design_values import PidDesign
 from heatertune.pid.search.feasible import Problem, keeps, largest_gain, search
 from heatertune.pid.tune import assessed_sampled

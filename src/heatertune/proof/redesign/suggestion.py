@@ -11,9 +11,9 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 from heatertune.errors import HeatertuneError, NotRepresentable
-from heatertune.model.cooler_mirror import cools
 from heatertune.model.findings import KINDS
 from heatertune.model.model_values import FittedModel
+from heatertune.model.reduction import cools
 from heatertune.plc import controller_for
 from heatertune.plc.targets import REPAIRED
 from heatertune.processors import ProgressCallback

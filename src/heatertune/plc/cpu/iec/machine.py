@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.compiled import bound, compile_function, worth_compiling
-from heatertune.compiled.generated import BEYOND, functions_from_text
+from heatertune.compiled.loader import BEYOND, functions_from_text
 from heatertune.errors import InputError
 from heatertune.plc.cpu.iec.st_syntax import (
     Assignment,
