@@ -3,7 +3,7 @@ import json
 import pytest
 
 from heatertune.bench import Throughput, Times, _in_turns, _python
-from heatertune.cli.reference import _told
+from heatertune.cli.reference import _speed_text
 from heatertune.codec import decode
 
 
@@ -21,7 +21,7 @@ def test_bench_tells_times_that_agree_with_each_other(run):
     # machine code is some hundred times faster than plain Python; a tenth is left for a machine that is busy
     assert loop["plain_ns_per_scan"]["least"] > 10.0 * loop["compiled_ns_per_scan"]["least"]
     assert beside["python_ns_per_scan"]["least"] > beside["lfilter_ns_per_value"]["least"]
-    said = _told(decode(Throughput, told, "bench"))
+    said = _speed_text(decode(Throughput, told, "bench"))
     assert "fit of 100,000 rows" in said
     assert f"{loop['compiled_ns_per_scan']['median']:.1f}" in said
 
