@@ -9,7 +9,7 @@ each is stated with the interval in which it lies, and the option cuts at the be
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Final, NamedTuple
 
@@ -22,8 +22,8 @@ from heatertune.model.power.load_steps import Way, bic_of, is_sensible
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
 from heatertune.model.power.regressors import AMBIENT, GAIN, Readings
 
-__all__ = ["ChangePeriod", "departure", "load_period", "opening", "refuse_changed", "refuse_opened",
-           "with_load_at_departure"]
+__all__ = ["ChangePeriod", "departure", "is_impossible", "load_period", "opening", "refuse_changed", "refuse_opened",
+           "residual_share", "with_load_at_departure"]
 
 _PLAUSIBLE: Final = 8.6  # of twice the log-likelihood: 3.84 at 95 %, 1.5 times as far in standard deviations
 _CLOSER: Final = 3  # searches, each 4 times as fine
@@ -142,17 +142,17 @@ _BETTER_BIC: Final = 20.0  # BIC points that a load has to be worth
 _LASTS: Final = 0.8  # share of the readings after the instant that depart
 
 
-def refuse_changed(log: Log, problem: PowerProblem) -> None:
+def refuse_changed(log: Log, *problems: PowerProblem) -> None:
     """Refuse a log that is of another heater, or of another place, from some instant on.
 
     Args:
         log: for its name.
-        problem: of one lag.
+        problems: of one lag; the next ones where the first shows no such instant.
 
     Raises:
         InputError: the heater of the log's beginning does not make its end, see `departure`.
     """
-    period = departure(problem)
+    period = next((period for problem in problems if (period := departure(problem))), None)
     if period is not None:
         raise InputError(
             f"{log.name}: a heater explains the temperature up to t={period.message}, and from then on it does "
@@ -169,6 +169,8 @@ def departure(problem: PowerProblem) -> ChangePeriod | None:
     readings = replace(problem.readings, restart_s=np.empty(0))
     thin = replace(problem, drift=False, loads_s=(), two_lags=True, readings=readings).average(_READINGS)
     ends = [end for share in _PREFIXES if (end := _explained_until(thin, float(share))) is not None]
+    rested = replace(thin, at_rest=True)
+    ends = ends or [end for share in _PREFIXES if (end := _explained_until(rested, float(share))) is not None]
     last = max(ends, key=lambda period: period.best_s, default=None)
     return None if last is None else _period(problem.readings, *last[:4])
 
@@ -182,20 +184,30 @@ def with_load_at_departure(way: Way, problem: PowerProblem) -> Way:
         way: explanation of the whole log.
         problem: of one lag.
     """
-    error = min(float(np.std(problem.readings.temperature_degC - fit.simulated_degC)) for fit in way.fits)
-    if error < _CLOSE * float(np.ptp(problem.readings.temperature_degC)):
-        return way
-    period = departure(problem)
-    if period is None:
-        return way
-    tried = []
-    for instant_s in np.linspace(period.low_s, period.high_s, _LOADS):
-        loaded = replace(problem, drift=False, loads_s=(float(instant_s),))
-        problems = [loaded, replace(loaded, two_lags=True)]
-        tried.append(Way(problems, [each.fit() for each in problems]))
-    best = min(tried, key=lambda trial: trial.bic)
-    sensible = all(map(is_sensible, *best)) and all(fit.model is not None for fit in best.fits)
-    return best if sensible and best.bic < way.bic - _BETTER_BIC else way
+    period = departure(problem) if residual_share(problem.readings, way.fits) > _CLOSE else None
+    instants = () if period is None else np.linspace(period.low_s, period.high_s, _LOADS)
+    tried = [_with_load(problem, float(instant_s)) for instant_s in instants]
+    best = min(tried, key=lambda trial: trial.bic, default=way)
+    return best if best.bic < way.bic - _BETTER_BIC and all(map(is_sensible, *best)) else way
+
+
+def _with_load(problem: PowerProblem, instant_s: float) -> Way:
+    """Return one lag and two with a load from an instant on."""
+    loaded = replace(problem, drift=False, loads_s=(instant_s,))
+    problems = [loaded, replace(loaded, two_lags=True)]
+    return Way(problems, [each.fit() for each in problems])
+
+
+def residual_share(readings: Readings, fits: Sequence[PowerFit]) -> float:
+    """Return the least error of fits, as a share of the readings' span; infinite without a heater."""
+    record = readings.temperature_degC
+    errors = [float(np.std(record - fit.simulated_degC)) for fit in fits if fit.model is not None]
+    return min(errors, default=math.inf) / float(np.ptp(record))
+
+
+def is_impossible(way: Way) -> bool:
+    """Return whether an explanation with a load has a room colder than any."""
+    return bool(way.problems[0].loads_s) and min(float(fit.linear[AMBIENT]) for fit in way.fits) < _COLDEST
 
 
 def _explained_until(problem: PowerProblem, share: float) -> ChangePeriod | None:
@@ -292,17 +304,18 @@ class _Opened(NamedTuple):
     squares: float
 
 
-def refuse_opened(log: Log, problem: PowerProblem) -> None:
+def refuse_opened(log: Log, problem: PowerProblem, way: Way | None = None) -> None:
     """Refuse a log whose heater stops responding, with the instant.
 
     Args:
         log: for its name.
         problem: of one lag.
+        way: explanation by loads, which an open circuit has to surpass, if there is one.
 
     Raises:
         InputError: it stops responding, see `opening`.
     """
-    period = opening(problem)
+    period = opening(problem, way)
     if period is not None:
         raise InputError(
             f"{log.name}: the heater stops answering at t={period.message}: the power goes on, and the temperature "
@@ -310,7 +323,7 @@ def refuse_opened(log: Log, problem: PowerProblem) -> None:
             f"{period.option}")
 
 
-def opening(problem: PowerProblem) -> ChangePeriod | None:
+def opening(problem: PowerProblem, way: Way | None = None) -> ChangePeriod | None:
     """Return the interval in which the heater stops responding permanently, or None.
 
     A heater is fitted to the start of the log, with a free initial state and, as a loop near its setpoint hardly shows
@@ -319,6 +332,7 @@ def opening(problem: PowerProblem) -> ChangePeriod | None:
 
     Args:
         problem: of one lag.
+        way: explanation by loads, which an open circuit has to surpass, if there is one.
     """
     readings = replace(problem.readings, restart_s=np.empty(0))  # a heater that stops answering passes for a jump
     thin = replace(problem, drift=False, loads_s=(), two_lags=True, readings=readings).average(_OPEN_CIRCUIT_READINGS)
@@ -330,7 +344,18 @@ def opening(problem: PowerProblem) -> ChangePeriod | None:
     record = thin.readings.temperature_degC
     always = [problem.fit() for problem in (thin, replace(thin, two_lags=False))]
     least = min((float(np.sum((record - fit.simulated_degC) ** 2)) for fit in always if fit.model), default=np.inf)
-    return _opening_period(best, problem.readings) if best.squares < _BETTER * least else None
+    if best.squares >= _BETTER * least:
+        return None
+    period = _opening_period(best, problem.readings)
+    return None if way is not None and _is_load(best, period.best_s, way) else period
+
+
+def _is_load(opened: _Opened, instant_s: float, way: Way) -> bool:
+    """Return whether loads explain a log better than an open circuit does: power after the instant is answered."""
+    like = way.problems[0]
+    ends = [_ended(replace(like, loads_s=(), two_lags=True, at_rest=at_rest), instant_s) for at_rest in (False, True)]
+    least = min(bic_of(ended, ended.refine(opened.fit.vector[None, :])) for ended in ends)
+    return way.bic < least - _BETTER_BIC
 
 
 def _opening_period(opened: _Opened, readings: Readings) -> ChangePeriod:

@@ -24,7 +24,13 @@ from heatertune.log.log_values import MIN_SAMPLES, Log
 from heatertune.model.diagnostics import Remark
 from heatertune.model.model_values import Fopdt
 from heatertune.model.outliers import replace_outliers, without_outliers
-from heatertune.model.power.changed_heater import refuse_changed, refuse_opened, with_load_at_departure
+from heatertune.model.power.changed_heater import (
+    is_impossible,
+    refuse_changed,
+    refuse_opened,
+    residual_share,
+    with_load_at_departure,
+)
 from heatertune.model.power.feedback import WRONG_SIGN, demand_cause, explains, follows_temperature, is_feedback
 from heatertune.model.power.load_steps import bic_of, refit_all, with_events, without_events
 from heatertune.model.power.loss_fit import LossFit, leaves_noise
@@ -198,6 +204,7 @@ def _named(instants: Array) -> str:
     return f"{named} and {len(instants) - _NAMED} more" if len(instants) > _NAMED else named
 
 
+_MUCH = 0.12  # of the span, that is left of a log that no heater explains
 _READINGS = 1000  # averaged, in the search; reported results are simulated at every reading
 _PASSES = 4  # of finding outliers
 _ROUNDS = 3  # of finding jumps: a large one hides others
@@ -387,6 +394,7 @@ def explain_log(
 
 def _search(log: Log, problem: PowerProblem, *, believed: bool) -> Explanation:
     """Return one lag and two, without the outliers, the start, the drift and the loads the log asks for."""
+    given = problem
     log, clean, notes = clean_log(log, problem)
     thin, fit = clean.problem, clean.fit
     alias = "" if believed else alias_of(log, thin, fit)
@@ -396,19 +404,21 @@ def _search(log: Log, problem: PowerProblem, *, believed: bool) -> Explanation:
     way = with_load_at_departure(
         with_events([thin, two], [fit, _second(two, fit)], closed_loop=closed), thin)
     if doubt or way.problems[0].loads_s:
-        refuse_opened(log, thin)
+        refuse_opened(log, thin, way)
     if doubt and not doubt.startswith(WRONG_SIGN) and any(map(explains, *way)):
         doubt = ""
-    if doubt:
-        refuse_changed(log, thin)
+    if doubt or is_impossible(way):
+        refuse_changed(log, thin, given)
     (problems, fits), bend, untold, extended = judged_linear(without_events(way), way)
     if any(leaves_noise(fit.problems[0].readings, fit.simulations_degC[0]) for fit in extended):
         doubt = ""  # it was that of a heater with one lag
     if any(fit.model is None for fit in fits):
         refuse_opened(log, thin)
-        refuse_changed(log, thin)
+        refuse_changed(log, thin, given)
         raise InputError(f"{log.name}: no heater explains the log, as something else than the power moved its "
                          "temperature; log steps of the power from rest, each until it rests")
+    if not extended and bend is None and residual_share(thin.readings, fits) > _MUCH:
+        refuse_changed(log, thin)
     return Explanation(
         log=log, readings=clean.whole.readings, problems=problems, fits=fits, clean_temperature=clean.readings_degC,
         outliers=clean.outliers, notes=(*notes, *untold), alias=alias, bend=bend, doubt=doubt,
