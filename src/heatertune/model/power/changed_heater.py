@@ -39,6 +39,7 @@ class ChangePeriod(NamedTuple):
         high_s: the latest instant that the log allows.
         until_s: the end of the readings that the change cannot have reached.
         decimals: of the log's clock.
+        may_be_load: whether a load explains the log as well as an open circuit.
     """
 
     low_s: float
@@ -46,6 +47,7 @@ class ChangePeriod(NamedTuple):
     high_s: float
     until_s: float
     decimals: int
+    may_be_load: bool = False
 
     @property
     def message(self) -> str:
@@ -268,12 +270,16 @@ def _is_heater(problem: PowerProblem, fit: PowerFit) -> bool:
     """Return whether the power, not the initial state, moves the readings, and leaves a possible room behind."""
     record = problem.readings.temperature_degC
     power = fit.linear[GAIN] * problem.basis(fit.vector)[GAIN]
-    noise = float(np.sqrt(np.mean(np.diff(record, 2) ** 2) / 6.0))
+    noise = _noise(record)
     error = float(np.sqrt(np.mean((record - fit.simulated_degC) ** 2)))
     span = float(np.ptp(record))
     return (float(np.ptp(power)) > _BY_POWER * span and error < max(_LOUD * noise, _CLOSE * span)
             and error**2 < (1.0 - _EXPLAINED) * float(np.var(record))
             and _COLDEST < float(fit.linear[AMBIENT]) < float(record.max()))
+
+
+def _noise(record: Array) -> float:
+    return float(np.sqrt(np.mean(np.diff(record, 2) ** 2) / 6.0))
 
 
 def _first(readings: Readings, end_s: float) -> Readings:
@@ -292,6 +298,7 @@ _WITHOUT: Final = 0.1  # of the squares that the power as logged leaves after th
 _BETTER: Final = 0.25  # of the squares that a heater leaves which answers all the time
 _ON: Final = 0.1  # of the highest power: less was no power to answer to
 _ROWS: Final = 2.0
+_LEFT_NOISE, _LEFT_SPAN = 3.0, 0.01  # times the noise, and of the span, that a heater with an open circuit leaves
 _OPEN_CIRCUIT_FEWEST: Final = 10  # readings after the instant
 _GIVES_WAY: Final = 0.1  # of the span, that the temperature falls after it
 
@@ -310,17 +317,18 @@ def refuse_opened(log: Log, problem: PowerProblem, way: Way | None = None) -> No
     Args:
         log: for its name.
         problem: of one lag.
-        way: explanation by loads, which an open circuit has to surpass, if there is one.
+        way: explanation by loads, if there is one.
 
     Raises:
         InputError: it stops responding, see `opening`.
     """
     period = opening(problem, way)
     if period is not None:
-        raise InputError(
-            f"{log.name}: the heater stops answering at t={period.message}: the power goes on, and the temperature "
-            "falls as without it (a fuse, a contactor, a thermal cut-out, a wire?); cut the log there: "
-            f"{period.option}")
+        what = ((f"from t={period.message} on the temperature falls as without power, though the power goes on (cold "
+                 "air or material, another load, an open circuit?)") if period.may_be_load else
+                (f"the heater stops answering at t={period.message}: the power goes on, and the temperature falls as "
+                 "without it (a fuse, a contactor, a thermal cut-out, a wire?)"))
+        raise InputError(f"{log.name}: {what}; cut the log there: {period.option}")
 
 
 def opening(problem: PowerProblem, way: Way | None = None) -> ChangePeriod | None:
@@ -332,7 +340,7 @@ def opening(problem: PowerProblem, way: Way | None = None) -> ChangePeriod | Non
 
     Args:
         problem: of one lag.
-        way: explanation by loads, which an open circuit has to surpass, if there is one.
+        way: explanation by loads, if there is one.
     """
     readings = replace(problem.readings, restart_s=np.empty(0))  # a heater that stops answering passes for a jump
     thin = replace(problem, drift=False, loads_s=(), two_lags=True, readings=readings).average(_OPEN_CIRCUIT_READINGS)
@@ -347,11 +355,18 @@ def opening(problem: PowerProblem, way: Way | None = None) -> ChangePeriod | Non
     if best.squares >= _BETTER * least:
         return None
     period = _opening_period(best, problem.readings)
-    return None if way is not None and _is_load(best, period.best_s, way) else period
+    return period._replace(may_be_load=_may_be_load(best, period.best_s, way))
 
 
-def _is_load(opened: _Opened, instant_s: float, way: Way) -> bool:
-    """Return whether loads explain a log better than an open circuit does: power after the instant is answered."""
+def _may_be_load(opened: _Opened, instant_s: float, way: Way | None) -> bool:
+    """Return whether loads explain a log better than an open circuit, or this one leaves more than a heater does."""
+    ended = _ended(opened.problem, instant_s)
+    record = ended.readings.temperature_degC
+    left = record - ended.refine(opened.fit.vector[None, :]).simulated_degC
+    if float(np.std(left)) > max(_LEFT_NOISE * _noise(record), _LEFT_SPAN * float(np.ptp(record))):
+        return True
+    if way is None:
+        return False
     like = way.problems[0]
     ends = [_ended(replace(like, loads_s=(), two_lags=True, at_rest=at_rest), instant_s) for at_rest in (False, True)]
     least = min(bic_of(ended, ended.refine(opened.fit.vector[None, :])) for ended in ends)
