@@ -57,6 +57,15 @@ def data_folder(directory: str | Path) -> Path:
     return inner if os.path.lexists(inner / "words.json") else Path(directory)
 
 
+#: document of a design of zones in its folder
+ZONES_FILE: Final = f"{DATA}/zones.json"
+
+
+def holds_zones(directory: str | Path | None) -> bool:
+    """Return whether a folder holds a design of zones."""
+    return directory is not None and os.path.lexists(Path(directory) / ZONES_FILE)
+
+
 def existing_path(path: str | Path) -> Path:
     """Return a document's file; one that is not there where earlier releases wrote it is looked for in `DATA`."""
     file = Path(path)

@@ -148,7 +148,9 @@ class JointProof:
         bound_share: share of the PWM periods, while the setpoints are held, in which no more than ⌈Σ duty⌉ of the run's
             network are on at once.
         trace: the first run, on the best fit.
+        settle_s: time after which all zones are at rest [s].
         switches: open point → setting that the user knows.
+        conditions: of the proof.
     """
 
     design: JointDesign
@@ -166,7 +168,9 @@ class JointProof:
     heaters_bound: int
     bound_share: float
     trace: JointTrace
+    settle_s: float = math.inf
     switches: Mapping[str, str] = field(default_factory=dict)
+    conditions: Conditions = field(default_factory=Conditions)
 
     @property
     def words(self) -> tuple[Words, ...]:
@@ -363,7 +367,7 @@ def prove_zones(
         criteria=tuple(found), runs=tuple(runs), findings=(*fitted.findings, *_beyond_log(fitted, specification)),
         accepted=tuple(asked.accept), not_tested=(*dict.fromkeys(prover.not_tested), *_NOT_TESTED),
         peak_heaters=peak.most, peak_kw=peak_kw, heaters_bound=peak.bound, bound_share=peak.share, trace=traces[0],
-        switches=dict(asked.switches))
+        settle_s=prover.settle_s, switches=dict(asked.switches), conditions=asked)
 
 
 def _calm_actuator(
