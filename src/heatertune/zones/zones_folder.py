@@ -187,7 +187,7 @@ def to_document(proof: JointProof) -> Mapping[str, object]:
         "runs": list(proof.runs),
         "not_tested": list(proof.not_tested),
         "peak_heaters": proof.peak_heaters, "peak_kw": proof.peak_kw, "heaters_bound": proof.heaters_bound,
-        "bound_share": proof.bound_share, "settle_s": proof.settle_s,
+        "bound_share": proof.bound_share, "settle_s": proof.settle_s, "heat_s": proof.heat_s,
         "provenance": encode(provenance),
     })
 

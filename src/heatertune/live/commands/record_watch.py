@@ -277,6 +277,7 @@ def add_watch(commands: Any) -> None:
     command.add_argument("--refit", action="store_true", help="identify the heater from the recorded log at the end")
     command.add_argument("--monitor", metavar="FILE", help=(
         "supervision.json by heatertune supervise: its monitor runs alongside; it does not replace a thermal cut-out"))
+    add_zone_blocks(command)
     printing.add_output_options(command, _run_watch)
 
 
@@ -287,7 +288,10 @@ def _run_watch(settings: argparse.Namespace) -> int:
     from heatertune.live.recorder import RecordingSetup, record
     from heatertune.live.write.proven_words import read_proven
 
-    address, proven = address_of(settings.address), read_proven(settings.design, printing.Progress(settings))
+    address = address_of(settings.address)
+    if zones_of(settings.design, address, settings.zone_blocks) is not None:
+        return _watch_zones(settings, address)
+    proven = read_proven(settings.design, printing.Progress(settings))
     places = places_of(proven.words)
     if places is None:
         raise InputError(f"{settings.design}: where {proven.words.target} shows its temperature is not known here")
@@ -317,6 +321,14 @@ def _run_watch(settings: argparse.Namespace) -> int:
                 "refit": _refitted(log, proven) if settings.refit else None}
     printing.output(settings, document, lambda: _lines_watch(document))
     return 0 if well else 1
+
+
+def _watch_zones(settings: argparse.Namespace, address: Address) -> int:
+    """Run the command for zones; return its exit status."""
+    for name in ("refit", "monitor"):
+        if getattr(settings, name):
+            raise InputError(f"--{name}: not for zones; leave it out")
+    return int(import_module("heatertune.live.joint.zone_commands").watch(settings, address))
 
 
 def _unmoved(watch: BandWatch, so_far: RecordingState) -> str:
