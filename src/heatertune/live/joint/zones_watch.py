@@ -2,8 +2,9 @@
 
 At rest, every zone is within the tolerance of its setpoint. After a change (of any setpoint, and when the watch
 begins), each zone has as long as the slowest proven sequence takes to settle; until then it may be anywhere between
-where it was and its setpoint, and beyond both by the largest overshoot and neighbour deviation of the proof. A load (an
-open door) also leaves these limits.
+where it was and its setpoint, and beyond both by the largest neighbour deviation and overshoot of a setpoint change in
+the proof; after a heat-up or from an unknown state also by its largest overshoot. A load (an open door) also leaves
+these limits.
 """
 
 from __future__ import annotations
@@ -113,7 +114,9 @@ class ZonesWatch:
         self._rest_degC = design.specification.limits.tolerance_degC + noise
         rises = np.array(design.specification.setpoints_degC) - np.array(network.ambients_degC)
         self._rises_degC = [max(float(rise), 1.0) for rise in rises]
-        self._beyond_degC = [self._rest_degC + max(share, 0.0) * rise + max(moved, 0.0) for rise in self._rises_degC]
+        self._small_degC = self._rest_degC + max(moved, 0.0)
+        self._beyond_degC = [self._small_degC + max(share, 0.0) * rise for rise in self._rises_degC]
+        self._is_small = False  # the latest change, from rest
         self.settle_s, self.heat_s = proof.settle_s, proof.heat_s
         self._since_s, self._settles_s = math.nan, 0.0
         self._from: list[float] = []
@@ -135,11 +138,9 @@ class ZonesWatch:
             self._note_change(look, seen, asked)
         if not self._asked:
             return self._unusable_reason()
-        found = ""
-        for zone, stats in enumerate(self.zones):
-            if usable[zone]:
-                found = found or self._compare(zone, stats, look.time_s, seen[zone])
-        return found or self._unusable_reason()
+        found = [self._compare(zone, stats, look.time_s, seen[zone])
+                 for zone, stats in enumerate(self.zones) if usable[zone]]
+        return next(filter(None, found), self._unusable_reason())
 
     def _note_change(self, look: Snapshot, seen: list[float], asked: list[float]) -> None:
         """Take note of where all zones are when a setpoint changes, and at the begin."""
@@ -151,6 +152,7 @@ class ZonesWatch:
             seen, asked, self._rises_degC, strict=True))
         left_s = 0.0 if math.isnan(self._since_s) or look.restarted else self._since_s + self._settles_s - look.time_s
         settles_s = self.heat_s if far else self.settle_s
+        self._is_small = not far and not left_s > 0.0 and not math.isnan(self._since_s)
         self._since_s, self._settles_s = look.time_s, settles_s + max(left_s, 0.0)
         self._from, self._asked = seen, asked
 
@@ -160,7 +162,8 @@ class ZonesWatch:
             low, high = setpoint - self._rest_degC, setpoint + self._rest_degC
         else:
             low, high = sorted((self._from[zone], setpoint))
-            low, high = low - self._beyond_degC[zone], high + self._beyond_degC[zone]
+            beyond = self._small_degC if self._is_small else self._beyond_degC[zone]
+            low, high = low - beyond, high + beyond
         stats.limits, stats.temperature_degC = (low, high), degC
         used = abs(2.0 * degC - low - high) / (high - low)
         stats.readings, stats.used = stats.readings + 1, max(stats.used, used)
