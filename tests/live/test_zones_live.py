@@ -6,6 +6,7 @@ import struct
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 from tests.live.conftest import hasty_clock, pymodbus, snap7
 from tests.zones.networks import balance, chain
 
@@ -84,8 +85,6 @@ def request(folder, served, **changed):
 
 def test_the_zones_that_are_served_move_as_the_coupled_heat_balance_says(serve):
     """SciPy's exact network, given the powers that clients read, has the temperatures that clients read."""
-    from scipy.linalg import expm
-
     served = serve(step=True, rate=1.0)
     host, port = served.addresses["s7"]
     client = snap7.Client()
@@ -264,7 +263,7 @@ def test_a_watch_has_a_line_for_each_zone_and_finds_the_one_that_leaves(serve, f
     assert main(["watch", where, "--design", str(folder), "-o", str(tmp_path / "w.csv"), "--duration", "300", "--quiet"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("WELL")
-    assert lines[1].startswith("a: WELL") and lines[2].startswith("b: WELL")
+    assert [line.partition(",")[0] for line in lines[1:3]] == ["a: WELL", "b: WELL"]
 
 
 def test_a_swing_of_all_zones_is_outside_the_limits_of_the_proof(folder):
@@ -292,7 +291,8 @@ def test_the_command_shows_what_it_would_write_and_the_line_that_writes_it(serve
     assert main(["write", str(folder), served.zone_places()[0]["urls"]["s7"], "--range", "0", "100"]) == 0
     out = capsys.readouterr().out
     digits = read_zones_design(folder).digest[:8]
-    assert "1. zone a: GAIN 4 -> " in out and "2. zone b: GAIN 4.5 -> " in out
+    assert "1. zone a: GAIN 4 -> " in out
+    assert "2. zone b: GAIN 4.5 -> " in out
     assert out.splitlines()[-1].endswith(f"--range 0 100 --apply --confirm {digits}")
 
 

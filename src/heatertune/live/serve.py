@@ -282,7 +282,7 @@ class VirtualPlcServed(ClosesOnExit):
         return {protocol: _URLS[protocol].format(*where, self.number, first=first)
                 for protocol, where in self.addresses.items()}
 
-    def zone_places(self) -> list[dict[str, Any]]:
+    def zone_places(self) -> list[dict[str, object]]:
         """Return name, block and addresses of each zone; nothing where there is one heater."""
         return []
 

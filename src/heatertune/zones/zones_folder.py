@@ -9,11 +9,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
-from heatertune.codec import ZONES_FILE, decode, encode, plain, read_document
+from heatertune.codec import ZONES_FILE, Document, decode, encode, plain, read_document
 from heatertune.errors import DocumentError, ExportRefused, InputError
 from heatertune.model.findings import Finding
 from heatertune.plc import Scaling, Words, controller_for
@@ -217,7 +217,7 @@ def read_zones_design(directory: str | Path) -> ZonesDesign:
         raise DocumentError(f"{path}: {problem}: no whole design of zones; design them again") from None
 
 
-def _words(document: Mapping[str, Any], zone: Mapping[str, Any], provenance: ZonesProvenance) -> Words:
+def _words(document: Document, zone: Document, provenance: ZonesProvenance) -> Words:
     """Return the words of a zone; raise KeyError, TypeError, ValueError or InputError where they are none."""
     controller = controller_for(str(document["target"]))
     values = {field.name: zone["words"][field.name] for field in controller.fields}

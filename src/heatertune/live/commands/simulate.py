@@ -66,15 +66,19 @@ def _run_simulate(settings: argparse.Namespace) -> int:
         return 0
     if settings.directory is None:
         raise InputError("simulate needs the folder that heatertune design wrote (or --faults)")
-    from heatertune.live.serve import Simulation
+    from heatertune.live.serve import Simulation, read_folder, virtual_plc
 
     simulation = Simulation(
         serve=tuple(settings.serve), ports=tuple(settings.port), rate=_rate(settings.rate),
         step=settings.step, intervals=settings.scans, sample=settings.sample, story=settings.story,
         faults=tuple(settings.fault), dead_man=settings.dead_man)
     changed = options.provided_options(Conditions, settings)
-    with _zones(settings, simulation, changed) if holds_zones(settings.directory) else _one(
-            settings, simulation, changed) as served:
+    if holds_zones(settings.directory):
+        plc = _zones(settings, simulation, changed)
+    else:
+        words, model, conditions = read_folder(settings.directory)
+        plc = virtual_plc(words, model, replace(conditions, **changed), simulation)
+    with plc as served:
         with suppress(KeyboardInterrupt):  # as it is meant to be ended, as soon as its addresses are told
             document = _document(settings, served, simulation)
             printing.output(settings, document, lambda: _lines(document))
@@ -87,15 +91,7 @@ def _run_simulate(settings: argparse.Namespace) -> int:
     return 0
 
 
-def _one(settings: argparse.Namespace, simulation: Simulation, changed: Mapping[str, Any]) -> VirtualPlcServed:
-    """Return the virtual PLC of one heater."""
-    from heatertune.live.serve import read_folder, virtual_plc
-
-    words, model, conditions = read_folder(settings.directory)
-    return virtual_plc(words, model, replace(conditions, **changed), simulation)
-
-
-def _zones(settings: argparse.Namespace, simulation: Simulation, changed: Mapping[str, Any]) -> VirtualPlcServed:
+def _zones(settings: argparse.Namespace, simulation: Simulation, changed: Mapping[str, object]) -> VirtualPlcServed:
     """Return the virtual PLC of several zones; raise InputError for a condition that theirs does not follow."""
     if other := next((name for name in changed if name != "noise_degC"), None):
         flag = options.options_of(Conditions)[other].flag

@@ -262,7 +262,7 @@ class ZonesServed(VirtualPlcServed):
         self.first_registers = tuple(runs[0].first for runs in plc.register_ranges.values())
         super().__init__(plc, design.words[0].target, design.words[0].sample_time_s, settings, linked=linked)
 
-    def zone_places(self) -> list[dict[str, Any]]:
+    def zone_places(self) -> list[dict[str, object]]:
         """Return name, number of the data block and addresses (protocol → address) of each zone."""
         found = []
         for number, name in enumerate(self.zones):

@@ -5,11 +5,11 @@ from __future__ import annotations
 import argparse
 import shlex
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from heatertune.cli import printing
 from heatertune.cli.printing import LINE
@@ -113,7 +113,7 @@ def _of_applied(done: ZonesWriteResult) -> Iterator[str]:
 
 def rollback(settings: argparse.Namespace, link: LinkSettings) -> int:
     """Run `rollback` for the records of a write of zones; return its exit status. Errors as `restore_zones`."""
-    document: dict[str, Any] = {"schema": "heatertune/zones-rollback/1", "record": settings.record,
+    document: dict[str, object] = {"schema": "heatertune/zones-rollback/1", "record": settings.record,
                                 "applied": settings.apply}
     folder = shlex.quote(settings.record)
     if settings.apply:
@@ -165,20 +165,21 @@ def watch(settings: argparse.Namespace, address: Address) -> int:
     others = others or _others(proven, places.addresses)  # somebody may have written some meanwhile
     unended = unended or Hold(address).message()
     well = found.well and not others and not unended and not so_far.trouble
+    messages = [each for each in (unended, *others) if each]
     document = {"schema": "heatertune/zones-watch/1", "address": address.text, "log": str(log), "rows": so_far.rows,
                 "gaps": so_far.gaps, "lost": so_far.trouble or None, "well": well,
-                "messages": [each for each in (unended, *others) if each],
+                "messages": messages,
                 "zones": [each.to_document() for each in found.zones]}
-    printing.output(settings, document, lambda: "\n".join(_of_watch(document, found)))
+    printing.output(settings, document, lambda: "\n".join(_of_watch(document, found, messages)))
     return 0 if well else 1
 
 
-def _of_watch(document: Mapping[str, Any], found: ZonesWatch) -> Iterator[str]:
+def _of_watch(document: Mapping[str, object], found: ZonesWatch, messages: Sequence[str]) -> Iterator[str]:
     yield "WELL: all zones within the proven limits" if document["well"] else "NOT WELL"
     yield from (each.line() for each in found.zones)
     if document["lost"]:
         yield f"- the link was lost and is not back: {document['lost']}"
-    yield from (f"- {each}" for each in document["messages"])
+    yield from (f"- {each}" for each in messages)
     zones = shlex.quote(",".join(each.zone for each in found.zones))
     yield f"next: heatertune design {document['log']} --zones {zones}"
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -82,7 +82,7 @@ class ZoneWatchStats:
                 f"{100.0 * self.used:.0f} % of the proven limits")
         return "; ".join([head, *self.notes()])
 
-    def to_document(self) -> dict[str, Any]:
+    def to_document(self) -> dict[str, object]:
         """Return it as JSON holds it."""
         return {"zone": self.zone, "well": self.well, "readings": self.readings, "unusable": self.unusable,
                 "outside_s": [list(each) for each in self.outside], "largest_share_of_limits": self.used,

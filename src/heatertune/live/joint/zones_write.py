@@ -13,7 +13,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from heatertune import __version__
 from heatertune.codec import encode
@@ -96,7 +96,7 @@ class ZonePlan:
     after: Mapping[str, Number]
     parts: Sequence[WritePart]
 
-    def to_document(self) -> dict[str, Any]:
+    def to_document(self) -> dict[str, object]:
         """Return it as the command prints it."""
         return {"zone": self.zone, "checks": [check.to_document() for check in self.checks],
                 "parts": [part.to_document() for part in self.parts]}
@@ -217,7 +217,7 @@ class ZonesWriteResult:
         """Whether all was done that was asked for."""
         return self.outcome is WriteOutcome.DONE
 
-    def to_document(self) -> dict[str, Any]:
+    def to_document(self) -> dict[str, object]:
         """Return it as the command prints it."""
         return {"outcome": self.outcome.value, "told": self.message,
                 "zones": {zone: end.to_document() for zone, end in self.ends.items()},
@@ -281,7 +281,7 @@ def _begin_records(
     return records
 
 
-def _begin(wanted: ZonesWriteRequest, plan: ZonePlan, zone: int, peer: Peer) -> dict[str, Any]:
+def _begin(wanted: ZonesWriteRequest, plan: ZonePlan, zone: int, peer: Peer) -> dict[str, object]:
     design, words = wanted.proven.design, wanted.proven.design.words[zone]
     return {
         "schema": RECORD_SCHEMA, "version": __version__, "address": peer.address.text,
