@@ -294,13 +294,10 @@ def virtual_zones(
     for protocol in given.serve:
         demand_library(protocol)
     timetable = _timetable(design, given.faults)
+    _demand_words(blocks, timetable)
     plans = [_plan(design, zone, timetable[zone]) for zone in range(len(design.zones))]
     noise = design.conditions.noise_degC if noise_degC is None else noise_degC
     plc = VirtualZones(design, plans, blocks, pace_of(given), noise)
-    for zone, (part, faults) in enumerate(zip(plc.parts, timetable, strict=True)):
-        for fault in faults:
-            if fault.name == "word":
-                part.block.put_word(bytearray(blocks[zone].image()), fault.word, fault.value)
     if "modbus" in given.serve:
         plc.speak_modbus(blocks)
     return ZonesServed(design, plc, given, linked=any(map(is_of_link, timetable[0])))
@@ -317,6 +314,14 @@ def _of_zones(settings: Simulation, block: ServedBlock) -> Simulation:
             raise InputError(f"--serve {protocol}: zones are served over {' and '.join(SPOKEN)} alone")
     return settings if settings.serve else replace(
         settings, serve=tuple(name for name in SPOKEN if name in block.speaks)[:1])
+
+
+def _demand_words(blocks: Sequence[ServedBlock], timetable: Sequence[Sequence[ScheduledFault]]) -> None:
+    """Refuse scheduled words that a block does not have; errors as `ServedBlock.put_word`."""
+    for block, faults in zip(blocks, timetable, strict=True):
+        for fault in faults:
+            if fault.name == "word":
+                block.put_word(bytearray(block.image()), fault.word, fault.value)
 
 
 def _plan(design: ZonesDesign, zone: int, faults: tuple[ScheduledFault, ...]) -> VirtualPlant:
@@ -347,6 +352,7 @@ def _timetable(design: ZonesDesign, texts: Sequence[str]) -> list[tuple[Schedule
         match = _ZONE.fullmatch(text)
         name, rest = (None, text) if match is None else match.groups()
         fault = fault_of(rest)
+        _demand_simulated(text, fault)
         if name is not None and name not in design.zones:
             raise UnknownName("zone", name, design.zones)
         of_all = is_of_link(fault) or fault.name in _OF_CPU
@@ -354,7 +360,12 @@ def _timetable(design: ZonesDesign, texts: Sequence[str]) -> list[tuple[Schedule
             raise InputError(f"--fault {text!r}: " + (
                 "it is of the PLC and not of a zone: leave out zone=" if of_all else
                 f'state its zone first, as "zone={design.zones[0]} {rest.strip()}"'))
-        if (fault.name in HEATER or f"{fault.name}=" in HEATER) and fault.name not in (*_CIRCUIT, "ambient"):
-            raise InputError(f"--fault {text!r}: not for zones; heater-open, stuck-on and ambient= are")
         found[0 if name is None else design.zones.index(name)].append(fault)
     return [tuple(each) for each in found]
+
+
+def _demand_simulated(text: str, fault: ScheduledFault) -> None:
+    """Refuse a fault of a heater that the joint kernel does not have; raise InputError."""
+    of_heater = fault.name in HEATER or f"{fault.name}=" in HEATER
+    if of_heater and fault.name not in (*_CIRCUIT, "ambient"):
+        raise InputError(f"--fault {text!r}: not for zones; heater-open, stuck-on and ambient= are")

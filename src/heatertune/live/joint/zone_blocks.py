@@ -64,22 +64,23 @@ def zone_addresses(address: Address, blocks: Sequence[ServedBlock], numbers: Seq
     Raises:
         InputError: a protocol that does not reach zones, or another number of numbers than zones.
     """
-    if address.protocol not in SPOKEN or address.protocol not in blocks[0].speaks:
-        reached = " or ".join(name for name in SPOKEN if name in blocks[0].speaks)
-        raise InputError(f"{address.text}: zones are reached over {reached}, not over {address.protocol}")
-    if address.by_tsap:
-        raise InputError(f"{address.text}: zones are reached by rack and slot, not by TSAPs")
+    _demand_reached(address, blocks[0])
     if numbers and len(numbers) != len(blocks):
         raise InputError(f"--zone-blocks: {len(numbers)} numbers for {len(blocks)} zones")
     if len(set(numbers)) < len(numbers):
         raise InputError("--zone-blocks: expected another number for each zone")
-    is_block = address.protocol == "s7"
-    first = address.block
-    if is_block and first is None:
-        first = blocks[0].number
-    apart = BLOCKS_APART if is_block else REGISTERS_APART
-    places = list(numbers) or [(first or 0) + apart * zone for zone in range(len(blocks))]
-    return [_at(address, place) for place in places]
+    own, apart = (blocks[0].number, BLOCKS_APART) if address.protocol == "s7" else (0, REGISTERS_APART)
+    first = own if address.block is None else address.block
+    return [_at(address, place) for place in numbers or range(first, first + apart * len(blocks), apart)]
+
+
+def _demand_reached(address: Address, block: ServedBlock) -> None:
+    """Refuse an address over which zones are not reached; raise InputError."""
+    reached = [name for name in SPOKEN if name in block.speaks]
+    if address.protocol not in reached:
+        raise InputError(f"{address.text}: zones are reached over {' or '.join(reached)}, not over {address.protocol}")
+    if address.by_tsap:
+        raise InputError(f"{address.text}: zones are reached by rack and slot, not by TSAPs")
 
 
 def _at(address: Address, place: int) -> Address:

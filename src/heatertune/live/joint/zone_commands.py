@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 import shlex
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -52,26 +53,33 @@ def write(settings: argparse.Namespace, address: Address, link: LinkSettings, de
         record=None if settings.record is None else Path(settings.record))
     document = {"schema": PLAN_SCHEMA, "directory": settings.directory, "address": address.text,
                 "digest": f"sha256:{wanted.proven.design.digest}", "yes": wanted.proven.yes, "applied": settings.apply}
-    if settings.apply:
-        with signals_as_ctrl_c():
-            done = apply_zones(wanted, settings.confirm, progress)
-        printing.output(settings, document | done.to_document(), lambda: "\n".join(_of_applied(done)))
-        return 0 if done.is_done else 1
-    peers = peers_of(wanted)
-    try:
-        plan = plan_zones(wanted, peers)
-    except LinkError as problem:
-        message = f"nothing was sent: {problem}"
-        printing.output(settings, document | {"outcome": "not done", "told": message}, lambda: f"NOT DONE: {message}")
-        return 1
-    finally:
-        for peer in peers:
-            peer.close()
-    unended = Hold(address).message()
+    if not settings.apply:
+        return _show_plan(settings, wanted, document)
+    with signals_as_ctrl_c():
+        done = apply_zones(wanted, settings.confirm, progress)
+    printing.output(settings, document | done.to_document(), lambda: "\n".join(_of_applied(done)))
+    return 0 if done.is_done else 1
+
+
+def _show_plan(settings: argparse.Namespace, wanted: ZonesWriteRequest, document: dict[str, object]) -> int:
+    """Show what a write would do; return the exit status."""
+    with ExitStack() as stack:
+        try:
+            plan = plan_zones(wanted, [stack.enter_context(peer) for peer in peers_of(wanted)])
+        except LinkError as problem:
+            return _not_read(settings, document, problem)
+    unended = Hold(wanted.address).message()
     document |= {"zones": [each.to_document() for each in plan.zones], "no_order": plan.no_order or None,
                  "order": [plan.zones[zone].zone for zone in plan.order], "unended": unended or None}
     printing.output(settings, document, lambda: "\n".join(_of_plan(settings, wanted, plan, unended)))
     return 0
+
+
+def _not_read(settings: argparse.Namespace, document: dict[str, object], problem: LinkError) -> int:
+    """Report that a zone could not be read; return the exit status."""
+    message = f"nothing was sent: {problem}"
+    printing.output(settings, document | {"outcome": "not done", "told": message}, lambda: f"NOT DONE: {message}")
+    return 1
 
 
 def _of_plan(
@@ -81,24 +89,27 @@ def _of_plan(
         yield f"zone {each.zone}"
         yield table([(_MARKS[check.ok] if check.ok is not None or check.option else "-", check.name, check.message)
                      for check in each.checks])
-    number = 0
-    for zone in plan.order:
-        each = plan.zones[zone]
-        for part in each.parts:
-            number += 1
-            texts = (f"{name} {each.before[name]:g} -> {each.after[name]:g}" for name in part.names)
-            yield f"{number}. zone {each.zone}: {', '.join(texts)}"
-    if plan.no_order:
-        yield from wrap_text(plan.no_order, "- ")
+    parts = [(plan.zones[zone], part) for zone in plan.order for part in plan.zones[zone].parts]
+    for number, (each, part) in enumerate(parts, start=1):
+        texts = (f"{name} {each.before[name]:g} -> {each.after[name]:g}" for name in part.names)
+        yield f"{number}. zone {each.zone}: {', '.join(texts)}"
+    yield from wrap_text(plan.no_order, "- ") if plan.no_order else ()
     if unended:
         yield f"- {unended}"  # not wrapped: it ends in a command line
+    yield from _further(settings, wanted, plan)
+
+
+def _further(settings: argparse.Namespace, wanted: ZonesWriteRequest, plan: ZonesPlan) -> Iterator[str]:
+    """Yield the command line that writes, where nothing speaks against it."""
     found = [check for each in plan.zones for check in each.checks]
-    if not plan.order and not plan.no_order and all(check.ok is not False for check in found):
+    if plan.no_order or any(check.ok is False for check in found):
+        return
+    if not plan.order:
         yield "these words are in the PLC already"
-    elif plan.order and all(check.ok is not False for check in found):
-        stated = list(dict.fromkeys(check.option for check in found if check.ok is None and check.option))
-        again = shlex.join([*settings.given, *" ".join(stated).split(), "--apply", "--confirm", wanted.proven.yes])
-        yield f"to write:\n  heatertune {again}"  # not wrapped: it is typed
+        return
+    stated = " ".join(dict.fromkeys(check.option for check in found if check.ok is None))
+    again = shlex.join([*settings.given, *stated.split(), "--apply", "--confirm", wanted.proven.yes])
+    yield f"to write:\n  heatertune {again}"  # not wrapped: it is typed
 
 
 def _of_applied(done: ZonesWriteResult) -> Iterator[str]:
@@ -126,9 +137,7 @@ def rollback(settings: argparse.Namespace, link: LinkSettings) -> int:
     try:
         ends, digits = inspect_zones(settings.record, link)
     except LinkError as problem:
-        message = f"nothing was sent: {problem}"
-        printing.output(settings, document | {"outcome": "not done", "told": message}, lambda: f"NOT DONE: {message}")
-        return 1
+        return _not_read(settings, document, problem)
     document |= {"yes": digits, "zones": {zone: end.to_document() for zone, end in ends.items()}}
     lines = [f"zone {zone}: {end.message}" for zone, end in ends.items()]
     printing.output(settings, document, lambda: "\n".join([
@@ -144,43 +153,44 @@ def watch(settings: argparse.Namespace, address: Address) -> int:
     log = Path(settings.out or Path(settings.design) / f"watch_{datetime.now(UTC):%Y%m%d_%H%M%S}.csv")
     found, unended = ZonesWatch(proven), Hold(address).message()
     others = _others(proven, places.addresses)
+    with asked_to_end() as asked:
+        so_far = record(address, log, places, RecordingSetup(
+            for_s=settings.for_s, append=settings.append, pwm_period_s=proven.design.pwm_period_s),
+            shown=_shown(settings, found), ended=lambda: bool(asked))
+    LINE.end()
+    others = others or _others(proven, places.addresses)  # somebody may have written some meanwhile
+    unended = unended or Hold(address).message()
+    messages = [each for each in (unended, *others) if each]
+    well = found.well and not messages and not so_far.trouble
+    document = {"schema": "heatertune/zones-watch/1", "address": address.text, "log": str(log), "rows": so_far.rows,
+                "gaps": so_far.gaps, "lost": so_far.trouble or None, "well": well, "messages": messages,
+                "zones": [each.to_document() for each in found.zones]}
+    printing.output(settings, document, lambda: "\n".join(_of_watch(document, found, messages)))
+    return 0 if well else 1
+
+
+def _shown(settings: argparse.Namespace, watched: ZonesWatch) -> Callable[[RecordingState], object]:
+    """Return what takes each row, and shows all zones on the terminal's line."""
     begun, last, shown_notes = time.monotonic(), [0], list[str]()
 
     def shown(so_far: RecordingState) -> None:
         show_notes(so_far, shown_notes)
         if so_far.last is not None and so_far.rows > last[0]:
             last[0] = so_far.rows
-            found.see(so_far.last)
+            watched.see(so_far.last)
         if not settings.quiet:
-            bad = next((each.line() for each in found.zones if each.readings and not each.well), "")
-            LINE.show(lambda: f"{so_far.rows} rows, {time.monotonic() - begun:.0f} s" + "".join(
-                f", {each.zone} {each.temperature_degC:.4g} °C" for each in found.zones if each.readings)[:80]
-                + (f" NOT WELL: {bad}" if bad else ""))
+            LINE.show(lambda: f"{so_far.rows} rows, {time.monotonic() - begun:.0f} s{watched.short()}"[:118])
 
-    with asked_to_end() as asked:
-        so_far = record(address, log, places, RecordingSetup(
-            for_s=settings.for_s, append=settings.append, pwm_period_s=proven.design.pwm_period_s), shown=shown,
-            ended=lambda: bool(asked))
-    LINE.end()
-    others = others or _others(proven, places.addresses)  # somebody may have written some meanwhile
-    unended = unended or Hold(address).message()
-    well = found.well and not others and not unended and not so_far.trouble
-    messages = [each for each in (unended, *others) if each]
-    document = {"schema": "heatertune/zones-watch/1", "address": address.text, "log": str(log), "rows": so_far.rows,
-                "gaps": so_far.gaps, "lost": so_far.trouble or None, "well": well,
-                "messages": messages,
-                "zones": [each.to_document() for each in found.zones]}
-    printing.output(settings, document, lambda: "\n".join(_of_watch(document, found, messages)))
-    return 0 if well else 1
+    return shown
 
 
-def _of_watch(document: Mapping[str, object], found: ZonesWatch, messages: Sequence[str]) -> Iterator[str]:
+def _of_watch(document: Mapping[str, object], watched: ZonesWatch, messages: Sequence[str]) -> Iterator[str]:
     yield "WELL: all zones within the proven limits" if document["well"] else "NOT WELL"
-    yield from (each.line() for each in found.zones)
+    yield from (each.line() for each in watched.zones)
     if document["lost"]:
         yield f"- the link was lost and is not back: {document['lost']}"
     yield from (f"- {each}" for each in messages)
-    zones = shlex.quote(",".join(each.zone for each in found.zones))
+    zones = shlex.quote(",".join(each.zone for each in watched.zones))
     yield f"next: heatertune design {document['log']} --zones {zones}"
 
 

@@ -142,19 +142,15 @@ class ZonesWatch:
                  for zone, stats in enumerate(self.zones) if usable[zone]]
         return next(filter(None, found), self._unusable_reason())
 
-    def _note_change(self, look: Snapshot, seen: list[float], asked: list[float]) -> None:
+    def _note_change(self, look: Snapshot, readings: list[float], setpoints: list[float]) -> None:
         """Take note of where all zones are when a setpoint changes, and at the begin."""
-        same = self._asked and all(abs(one - other) <= _SAME_DEGC for one, other in zip(
-            asked, self._asked, strict=True))
-        if same and not look.restarted:
+        if self._asked and np.allclose(setpoints, self._asked, rtol=0.0, atol=_SAME_DEGC) and not look.restarted:
             return
-        far = any(abs(degC - setpoint) > _SMALL * rise for degC, setpoint, rise in zip(
-            seen, asked, self._rises_degC, strict=True))
+        far = bool(np.any(np.abs(np.subtract(readings, setpoints)) > _SMALL * np.array(self._rises_degC)))
         left_s = 0.0 if math.isnan(self._since_s) or look.restarted else self._since_s + self._settles_s - look.time_s
-        settles_s = self.heat_s if far else self.settle_s
         self._is_small = not far and not left_s > 0.0 and not math.isnan(self._since_s)
-        self._since_s, self._settles_s = look.time_s, settles_s + max(left_s, 0.0)
-        self._from, self._asked = seen, asked
+        self._since_s, self._settles_s = look.time_s, (self.heat_s if far else self.settle_s) + max(left_s, 0.0)
+        self._from, self._asked = readings, setpoints
 
     def _compare(self, zone: int, stats: ZoneWatchStats, time_s: float, degC: float) -> str:
         setpoint = self._asked[zone]
@@ -189,6 +185,12 @@ class ZonesWatch:
     def _unusable_reason(self) -> str:
         return next((f"zone {stats.zone}: {stats.problem}" for stats, row in zip(
             self.zones, self._unusable, strict=True) if row >= _IN_A_ROW), "")
+
+    def short(self) -> str:
+        """Return the temperatures of all zones, and the first that is not well, a few words."""
+        warm = "".join(f", {each.zone} {each.temperature_degC:.4g} °C" for each in self.zones if each.readings)
+        bad = next((each.line() for each in self.zones if each.readings and not each.well), "")
+        return f"{warm} NOT WELL: {bad}" if bad else warm
 
     @property
     def well(self) -> bool:

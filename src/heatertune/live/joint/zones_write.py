@@ -8,7 +8,7 @@ all zones; whatever ends the write early, zones that were written before are tak
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -40,7 +40,7 @@ from heatertune.plc.ramp import Number
 
 __all__ = [
     "PLAN_SCHEMA", "ZonePlan", "ZonesPlan", "ZonesWriteRequest", "ZonesWriteResult", "apply_zones", "inspect_zones",
-    "is_zones_record", "peers_of", "plan_zones", "restore_zones",
+    "peers_of", "plan_zones", "restore_zones",
 ]
 
 PLAN_SCHEMA: Final = "heatertune/zones-write/1"
@@ -126,8 +126,8 @@ class ZonesPlan:
         return "; ".join([*wrong, *([self.no_order] if self.no_order else [])])
 
 
-def _wrong(found: Sequence[Check]) -> str:
-    return "; ".join(f"{check.name} {check.message}" for check in found if check.ok is False)
+def _wrong(zone_checks: Sequence[Check]) -> str:
+    return "; ".join(f"{check.name} {check.message}" for check in zone_checks if check.ok is False)
 
 
 def peers_of(wanted: ZonesWriteRequest) -> list[Peer]:
@@ -350,7 +350,7 @@ class _ZonesWrite:
 
     def _ended(self, message: str) -> ZonesWriteResult:
         ends = {zone: self._ends[zone] for zone in sorted(self._ends)}
-        outcome = next(worst for worst in _WORST if any(end.outcome is worst for end in ends.values()))
+        outcome = _worst(ends.values())
         if outcome in (WriteOutcome.UNKNOWN, WriteOutcome.PARTLY):
             message = f"{message}; to bring back all zones: {self._hold.message()}"
         else:
@@ -362,9 +362,16 @@ class _ZonesWrite:
                                 self._folder)
 
 
-def is_zones_record(path: str | Path) -> bool:
-    """Return whether a path is the folder of the records of a write of zones."""
-    return Path(path).is_dir() and any(Path(path).glob("*_zone*.jsonl"))
+def _worst(ends: Iterable[WriteEnd]) -> WriteOutcome:
+    """Return the worst outcome of some zones."""
+    return min((end.outcome for end in ends), key=_WORST.index)
+
+
+def _demand_digits(digest: str, confirm: str | None) -> None:
+    """Refuse what is not the beginning of a digest; raise InputError."""
+    if confirm is None or len(confirm) < LEAST_YES or not digest.startswith(confirm.lower()):
+        entered = "it was not said" if confirm is None else f"found {confirm!r}"
+        raise InputError(f"--confirm: {entered}; expected the first digits of the digest, {digest[:8]}")
 
 
 def _befores(folder: str | Path) -> list[Before]:
@@ -418,10 +425,7 @@ def restore_zones(
         DocumentError: the records are damaged.
     """
     befores = _befores(folder)
-    digest = _digest(befores)
-    if confirm is None or len(confirm) < LEAST_YES or not digest.startswith(confirm.lower()):
-        found = "it was not said" if confirm is None else f"found {confirm!r}"
-        raise InputError(f"--confirm: {found}; expected the first digits of the digest, {digest[:8]}")
+    _demand_digits(_digest(befores), confirm)
     ends: dict[str, WriteEnd] = {}
     hold = Hold(befores[0].address, None if link is None else link.clock)
     with hold.lock("rollback"), _peers_of_records(befores, link) as peers:
@@ -436,7 +440,7 @@ def restore_zones(
                 end = writer.restore(each.parts, each.before, each.after, "restored as requested", each.doubtful)
                 record.write_line("end", **end.to_document())
             ends[str(each.lines.begin["zone"])] = end
-        outcome = next(worst for worst in _WORST if any(end.outcome is worst for end in ends.values()))
+        outcome = _worst(ends.values())
         if outcome in (WriteOutcome.ROLLED_BACK, WriteOutcome.NOT_DONE):
             outcome = WriteOutcome.DONE
         if outcome is not WriteOutcome.UNKNOWN:
