@@ -423,7 +423,7 @@ class Hold:
         assert way_back is not None
         for place, parts in groupby(reversed(way_back.parts), lambda part: part.address):
             address = address_of(place or way_back.address)
-            number = way_back.number if not place or address.block is None else address.block
+            number = address.block or way_back.number  # over Modbus the block is the address's, whatever the number
             with connect(address, timeout_s) as client:
                 for part in parts:
                     found = client.read(number, part.start, len(part.before))

@@ -23,6 +23,7 @@ from heatertune.errors import HeatertuneError, InputError
 from heatertune.live.client.connection import Address, address_of
 
 if TYPE_CHECKING:
+    from heatertune.live.controller_block import Places
     from heatertune.live.joint.zones_poller import ZonesPlaces
     from heatertune.live.loop_watch import BandWatch, OnlineMonitor
     from heatertune.live.recorder import RecordingState
@@ -93,14 +94,12 @@ def zones_of(design: str | None, address: Address, numbers: str | None) -> Zones
 
 
 def _run_record(settings: argparse.Namespace) -> int:
-    from heatertune.live.controller_block import places_given
     from heatertune.live.recorder import RecordingSetup, record
 
     address = address_of(settings.address)
     how = RecordingSetup(every_s=settings.interval, for_s=settings.for_s, append=settings.append or settings.service,
                          timeout_s=settings.timeout, pwm_period_s=_pwm_period_s(settings.design))
-    zones = zones_of(settings.design, address, settings.zone_blocks)
-    places, begun = zones or places_given(design=settings.design, map_file=settings.map), time.monotonic()
+    places, begun = _places(settings, address), time.monotonic()
     tell_unended(address)
     shown_notes: list[str] = []
     signals = [name for name in _ENDING if not (settings.service and name == "SIGHUP")]
@@ -113,9 +112,17 @@ def _run_record(settings: argparse.Namespace) -> int:
         so_far = record(address, settings.out, places, how, shown=shown, ended=lambda: bool(asked),
                         reopen=lambda: hang_ups.pop() > 0 if hang_ups else False)
     LINE.end()
-    document = _document(settings, so_far) | {"zones": None if zones is None else list(zones.zones)}
+    document = _document(settings, so_far) | {"zones": list(getattr(places, "zones", ())) or None}
     printing.output(settings, document, lambda: _lines(document))
     return 1 if so_far.notes else 0
+
+
+def _places(settings: argparse.Namespace, address: Address) -> Places | ZonesPlaces | None:
+    """Return where the PLC shows what is recorded, of one heater or of several zones."""
+    from heatertune.live.controller_block import places_given
+
+    return zones_of(settings.design, address, settings.zone_blocks) or places_given(
+        design=settings.design, map_file=settings.map)
 
 
 def tell_unended(address: Address) -> None:

@@ -349,19 +349,25 @@ def _timetable(design: ZonesDesign, texts: Sequence[str]) -> list[tuple[Schedule
     """
     found: list[list[ScheduledFault]] = [[] for _ in design.zones]
     for text in texts:
-        match = _ZONE.fullmatch(text)
-        name, rest = (None, text) if match is None else match.groups()
-        fault = fault_of(rest)
-        _demand_simulated(text, fault)
-        if name is not None and name not in design.zones:
-            raise UnknownName("zone", name, design.zones)
-        of_all = is_of_link(fault) or fault.name in _OF_CPU
-        if of_all == (name is not None):
-            raise InputError(f"--fault {text!r}: " + (
-                "it is of the PLC and not of a zone: leave out zone=" if of_all else
-                f'state its zone first, as "zone={design.zones[0]} {rest.strip()}"'))
-        found[0 if name is None else design.zones.index(name)].append(fault)
+        zone, fault = _zone_fault(design, text)
+        found[zone].append(fault)
     return [tuple(each) for each in found]
+
+
+def _zone_fault(design: ZonesDesign, text: str) -> tuple[int, ScheduledFault]:
+    """Return the number of a fault's zone, 0 of one of the PLC, and the fault; errors as `_timetable`."""
+    match = _ZONE.fullmatch(text)
+    name, rest = (None, text) if match is None else match.groups()
+    fault = fault_of(rest)
+    _demand_simulated(text, fault)
+    if name is not None and name not in design.zones:
+        raise UnknownName("zone", name, design.zones)
+    of_all = is_of_link(fault) or fault.name in _OF_CPU
+    if of_all and name is not None:
+        raise InputError(f"--fault {text!r}: it is of the PLC and not of a zone: leave out zone=")
+    if not of_all and name is None:
+        raise InputError(f'--fault {text!r}: state its zone first, as "zone={design.zones[0]} {rest.strip()}"')
+    return (0 if name is None else design.zones.index(name)), fault
 
 
 def _demand_simulated(text: str, fault: ScheduledFault) -> None:

@@ -33,7 +33,7 @@ from heatertune.live.joint.zones_write import (
 )
 from heatertune.live.recorder import RecordingSetup, RecordingState, record
 from heatertune.live.write.plc_block import LinkSettings, Peer
-from heatertune.live.write.proven_words import Declared
+from heatertune.live.write.proven_words import Check, Declared
 from heatertune.report.layout import table, wrap_text
 
 __all__ = ["rollback", "watch", "write"]
@@ -87,8 +87,7 @@ def _of_plan(
 ) -> Iterator[str]:
     for each in plan.zones:
         yield f"zone {each.zone}"
-        yield table([(_MARKS[check.ok] if check.ok is not None or check.option else "-", check.name, check.message)
-                     for check in each.checks])
+        yield table([(_mark(check), check.name, check.message) for check in each.checks])
     parts = [(plan.zones[zone], part) for zone in plan.order for part in plan.zones[zone].parts]
     for number, (each, part) in enumerate(parts, start=1):
         texts = (f"{name} {each.before[name]:g} -> {each.after[name]:g}" for name in part.names)
@@ -97,6 +96,10 @@ def _of_plan(
     if unended:
         yield f"- {unended}"  # not wrapped: it ends in a command line
     yield from _further(settings, wanted, plan)
+
+
+def _mark(check: Check) -> str:
+    return _MARKS[check.ok] if check.ok is not None or check.option else "-"
 
 
 def _further(settings: argparse.Namespace, wanted: ZonesWriteRequest, plan: ZonesPlan) -> Iterator[str]:
@@ -158,9 +161,8 @@ def watch(settings: argparse.Namespace, address: Address) -> int:
             for_s=settings.for_s, append=settings.append, pwm_period_s=proven.design.pwm_period_s),
             shown=_shown(settings, found), ended=lambda: bool(asked))
     LINE.end()
-    others = others or _others(proven, places.addresses)  # somebody may have written some meanwhile
-    unended = unended or Hold(address).message()
-    messages = [each for each in (unended, *others) if each]
+    messages = list(filter(None, (  # somebody may have written some meanwhile
+        unended or Hold(address).message(), *(others or _others(proven, places.addresses)))))
     well = found.well and not messages and not so_far.trouble
     document = {"schema": "heatertune/zones-watch/1", "address": address.text, "log": str(log), "rows": so_far.rows,
                 "gaps": so_far.gaps, "lost": so_far.trouble or None, "well": well, "messages": messages,

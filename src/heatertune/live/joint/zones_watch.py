@@ -19,13 +19,16 @@ import numpy as np
 from heatertune.errors import LinkError
 from heatertune.live.joint.zones_proof import ProvenZones
 from heatertune.live.poller import Snapshot, reading_problem
-from heatertune.live.write.plc_block import Peer, runs
+from heatertune.live.write.plc_block import BlockSnapshot, Peer, runs
 from heatertune.plc import controller_for
 from heatertune.plc.ramp import Number
 from heatertune.units import count
 
 __all__ = ["ZoneWatchStats", "ZonesWatch", "ZonesWatchResult", "watch_zones"]
 
+#: criteria of the joint proof: overshoots as a share of the rise, and what a setpoint change moves
+_OVERSHOOTS: Final = ("overshoot [%]", "overshoot after a fault [%]", "overshoot after a load [%]")
+_MOVES: Final = ("neighbour deviation [°C]", "overshoot of a setpoint change [°C]")
 _IN_A_ROW: Final = 2  # readings outside that are more than a disturbed one
 _SAME_DEGC: Final = 1e-6
 _SIGMAS: Final = 3.0
@@ -107,10 +110,8 @@ class ZonesWatch:
         step = words.scaling.span_degC / controller_for(words.target).sensor(words.scaling).counts
         noise = max(step, *(_SIGMAS * each for each in (design.conditions.noise_degC, *design.fitted.noise_degC)))
         worst = {each.name: each.value for each in proof.criteria}
-        share = max((value for name, value in worst.items() if name.startswith("overshoot") and name.endswith("[%]")),
-                    default=0.0) / 100.0
-        moved = max((value for name, value in worst.items() if name in (
-            "neighbour deviation [°C]", "overshoot of a setpoint change [°C]")), default=0.0)
+        share = 0.01 * max(worst.get(name, 0.0) for name in _OVERSHOOTS)
+        moved = max(worst.get(name, 0.0) for name in _MOVES)
         self._rest_degC = design.specification.limits.tolerance_degC + noise
         rises = np.array(design.specification.setpoints_degC) - np.array(network.ambients_degC)
         self._rises_degC = [max(float(rise), 1.0) for rise in rises]
@@ -147,9 +148,10 @@ class ZonesWatch:
         if self._asked and np.allclose(setpoints, self._asked, rtol=0.0, atol=_SAME_DEGC) and not look.restarted:
             return
         far = bool(np.any(np.abs(np.subtract(readings, setpoints)) > _SMALL * np.array(self._rises_degC)))
-        left_s = 0.0 if math.isnan(self._since_s) or look.restarted else self._since_s + self._settles_s - look.time_s
-        self._is_small = not far and not left_s > 0.0 and not math.isnan(self._since_s)
-        self._since_s, self._settles_s = look.time_s, (self.heat_s if far else self.settle_s) + max(left_s, 0.0)
+        left_s = self._since_s + self._settles_s - look.time_s  # no number at the begin
+        self._is_small = left_s <= 0.0 and not (far or look.restarted)
+        self._since_s = look.time_s
+        self._settles_s = (self.heat_s if far else self.settle_s) + max(0.0, left_s)
         self._from, self._asked = readings, setpoints
 
     def _compare(self, zone: int, stats: ZoneWatchStats, time_s: float, degC: float) -> str:
@@ -270,11 +272,10 @@ class _Response:
             LinkError: a zone cannot be read.
         """
         looks = [peer.look() for peer in self._peers]
-        for peer, look, words in zip(self._peers, looks, self._expected, strict=True):
-            if other := [name for name in peer.standing.own if look.values[name] != words[name]]:
-                return "", f"somebody has changed the words: {', '.join(other)} at {peer.address.text}"
-            if runs(look) is False:
-                return "", "the CPU is in STOP"
+        if changed := self._changed(looks):
+            return "", f"somebody has changed the words: {changed}"
+        if runs(looks[-1]) is False:
+            return "", "the CPU is in STOP"
         now_s, time_s = self._peers[0].clock.now_s(), looks[-1].time_s
         if time_s == self._last_s:
             return "", "the CPU runs no scan" if now_s - self._moved_s > self._still_s else ""
@@ -282,6 +283,12 @@ class _Response:
         signals = {f"{zone.zone} {role}": peer.standing.signal(look.content, role) for zone, peer, look in zip(
             self._watch.zones, self._peers, looks, strict=True) for role in ("temperature", "setpoint")}
         return self._watch.see(Snapshot(time_s, signals)), ""
+
+    def _changed(self, looks: Sequence[BlockSnapshot]) -> str:
+        """Return which words are not as they were written; empty where all are."""
+        return ", ".join(f"{name} at {peer.address.text}"
+                         for peer, look, words in zip(self._peers, looks, self._expected, strict=True)
+                         for name in peer.standing.own if look.values[name] != words[name])
 
     def unsure(self) -> str:
         """Return why the whole watch shows nothing; empty where it shows that the words do well."""

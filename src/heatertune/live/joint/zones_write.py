@@ -254,14 +254,18 @@ def apply_zones(wanted: ZonesWriteRequest, confirm: str | None, progress: Progre
             return ZonesWriteResult(WriteOutcome.DONE, "these words are in the PLC already: nothing was sent")
         folder = wanted.record or Path(wanted.proven.design.directory) / f"write_{datetime.now(UTC):%Y%m%dT%H%M%S%f}Z"
         records = _begin_records(wanted, plan, peers, folder, stack)
-        parts = [WayBackPart(part.start, part.before, {part.after}, address=peers[zone].address.text)
-                 for zone in plan.order for part in plan.zones[zone].parts]
-        number = peers[0].standing.number
-        hold.open(new_way_back(_COMMAND, peers[0].address, number, parts, folder.absolute()))
+        hold.open(new_way_back(_COMMAND, peers[0].address, peers[0].standing.number, _back_parts(plan, peers),
+                               folder.absolute()))
         writers = {zone: Writer(peers[zone], hold, records[zone], Budget(
             peers[zone].address, peers[zone].standing.number, wanted.most_writes), progress,
             place=peers[zone].address.text) for zone in plan.order}
         return _ZonesWrite(wanted, plan, peers, writers, hold, folder).run(progress)
+
+
+def _back_parts(plan: ZonesPlan, peers: Sequence[Peer]) -> list[WayBackPart]:
+    """Return what brings back all zones, in the order in which they are written."""
+    return [WayBackPart(part.start, part.before, {part.after}, address=peers[zone].address.text)
+            for zone in plan.order for part in plan.zones[zone].parts]
 
 
 def _begin_records(
