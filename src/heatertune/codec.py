@@ -62,8 +62,17 @@ ZONES_FILE: Final = f"{DATA}/zones.json"
 
 
 def holds_zones(directory: str | Path | None) -> bool:
-    """Return whether a folder holds a design of zones."""
-    return directory is not None and os.path.lexists(Path(directory) / ZONES_FILE)
+    """Return whether a folder holds a design of zones.
+
+    Raises:
+        DocumentError: it holds one of a single heater, too, so that nobody knows which is meant.
+    """
+    if directory is None or not os.path.lexists(Path(directory) / ZONES_FILE):
+        return False
+    if os.path.lexists(data_folder(directory) / "words.json"):
+        raise DocumentError(f"{directory}: holds a design of zones and one of a single heater; give each a folder of "
+                            "its own")
+    return True
 
 
 def existing_path(path: str | Path) -> Path:

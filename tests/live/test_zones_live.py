@@ -296,6 +296,14 @@ def test_the_command_shows_what_it_would_write_and_the_line_that_writes_it(serve
     assert out.splitlines()[-1].endswith(f"--range 0 100 --apply --confirm {digits}")
 
 
+def test_a_folder_with_two_designs_is_refused(folder, capsys):
+    (folder / DATA / "words.json").write_text("{}")
+    for command in (["simulate", str(folder)], ["write", str(folder), "s7://127.0.0.1:1/0/2/db100"],
+                    ["record", "s7://127.0.0.1:1/0/2/db100", "--design", str(folder), "-o", "x.csv"]):
+        assert main(command) == 2
+        assert "give each a folder of its own" in capsys.readouterr().err
+
+
 def test_simulate_refuses_what_zones_do_not_have(folder):
     for changed in ({"story": True}, {"sample": 1}, {"serve": ("opcua",)}, {"dead_man": 3}):
         with pytest.raises(InputError):
