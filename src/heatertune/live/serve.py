@@ -368,7 +368,11 @@ def is_of_link(fault: ScheduledFault) -> bool:
 
 
 def reaching_settings(block: ServedBlock, target: str, settings: Simulation) -> Simulation:
-    """Return the settings with the protocols that are served; raise InputError for one that does not reach it."""
+    """Return the settings with the protocols that are served.
+
+    Raises:
+        InputError: one of them does not reach the controller, or its library is not installed.
+    """
     if not settings.serve:
         settings = replace(settings, serve=block.speaks[:1])
         demand_library(*settings.serve)

@@ -212,7 +212,11 @@ def bound_kernel(core: StepFunctions, count: int) -> Callable[..., int]:
 
 
 def event_arrays(events: Sequence[ZoneEvent]) -> ZoneEvents:
-    """Return events in order of time as the kernel takes them; raise InputError for an event that is none."""
+    """Return events in order of time as the kernel takes them.
+
+    Raises:
+        InputError: an unknown kind of event.
+    """
     for each in events:
         if each.kind not in KINDS:
             raise InputError(f"event {each.kind!r}: expected one of {', '.join(KINDS)}")

@@ -207,14 +207,19 @@ def read_zones_design(directory: str | Path) -> ZonesDesign:
         zones = tuple(str(each["name"]) for each in document["zones"])
         words = tuple(_words(document, each, provenance) for each in document["zones"])
         offsets = tuple(float(each["pwm_offset_s"]) for each in document["zones"])
-        if not len(zones) == len(provenance.specification.setpoints_degC) == len(provenance.ms_zones):
-            raise InputError(f"expected setpoints and Ms of {len(zones)} zones")
+        _demand_all(provenance, len(zones))
         return ZonesDesign(
             directory=str(directory), verdict=str(document["verdict"]),
             digest=str(document["digest"]).partition(":")[2], words=words, offsets_s=offsets,
             fitted=provenance.network.to_fitted(zones), provenance=provenance, settle_s=float(document["settle_s"]))
     except (KeyError, TypeError, ValueError, InputError) as problem:
         raise DocumentError(f"{path}: {problem}: no whole design of zones; design them again") from None
+
+
+def _demand_all(provenance: ZonesProvenance, zones: int) -> None:
+    """Refuse setpoints or Ms of another number of zones; raise InputError."""
+    if not zones == len(provenance.specification.setpoints_degC) == len(provenance.ms_zones):
+        raise InputError(f"expected setpoints and Ms of {zones} zones")
 
 
 def _words(document: Document, zone: Document, provenance: ZonesProvenance) -> Words:

@@ -335,7 +335,7 @@ def _watch_zones(settings: argparse.Namespace, address: Address) -> int:
     for name in ("refit", "monitor"):
         if getattr(settings, name):
             raise InputError(f"--{name}: not for zones; leave it out")
-    return int(import_module("heatertune.live.joint.zone_commands").watch(settings, address))
+    return int(import_module("heatertune.live.commands.zone_commands").watch(settings, address))
 
 
 def _unmoved(watch: BandWatch, so_far: RecordingState) -> str:

@@ -102,7 +102,7 @@ def _run_write(settings: argparse.Namespace) -> int:
                 as_exported=settings.as_exported, in_manual=settings.in_manual)
     address, link = address_of(settings.address), link_of(settings)
     if holds_zones(settings.directory):
-        return int(import_module("heatertune.live.joint.zone_commands").write(settings, address, link, said))
+        return int(import_module("heatertune.live.commands.zone_commands").write(settings, address, link, said))
     zones_of(settings.directory, address, settings.zone_blocks)  # refuses the option
     progress = printing.Progress(settings)
     wanted = WriteRequest(proven_words=read_proven(settings.directory, progress), address=address, declared=said,
@@ -204,7 +204,7 @@ def _run_rollback(settings: argparse.Namespace) -> int:
     from heatertune.live.write.rollback import before_of, inspect_write, rolled_back
 
     if Path(settings.record).is_dir():
-        return int(import_module("heatertune.live.joint.zone_commands").rollback(settings, link_of(settings)))
+        return int(import_module("heatertune.live.commands.zone_commands").rollback(settings, link_of(settings)))
     before, link = before_of(settings.record), link_of(settings)
     document: dict[str, Any] = {
         "schema": "heatertune/rollback/1", "record": settings.record, "address": before.address.text,

@@ -167,11 +167,15 @@ class VirtualZones(VirtualPlc):
         self._ranges: dict[int, Sequence[RegisterRange]] | None = None
 
     def speak_modbus(self, blocks: Sequence[ServedBlock]) -> None:
-        """Lay out the registers of each zone; errors as `zone_registers`."""
+        """Lay out the registers of each zone.
+
+        Raises:
+            InputError: more zones than there are registers for; as `zone_registers`.
+        """
         self._ranges = {part.memory.main: [zone_registers(block, zone)]
                         for zone, (part, block) in enumerate(zip(self.parts, blocks, strict=True))}
-        if any(run.first < _UNIT + self.memory.size(_UNIT) // 2 and run.first + run.size > _UNIT
-               for (run,) in self._ranges.values()):
+        upto = _UNIT + self.memory.size(_UNIT) // 2
+        if any(run.first < upto and run.first + run.size > _UNIT for (run,) in self._ranges.values()):
             raise InputError("too many zones for Modbus: their registers reach those of the simulator, from 1000 on")
 
     @property

@@ -44,7 +44,11 @@ def demand_served(words: Sequence[Words]) -> list[ServedBlock]:
 
 
 def zone_registers(block: ServedBlock, zone: int) -> RegisterRange:
-    """Return the registers of a zone; errors as `demand_modbus`."""
+    """Return the registers of a zone.
+
+    Raises:
+        InputError: its block is longer than the distance between two zones.
+    """
     length = len(block.image()) // 2
     if length > REGISTERS_APART:
         raise InputError(f"zones over Modbus: a block of {length} registers is longer than the {REGISTERS_APART} of a "

@@ -52,7 +52,11 @@ class ProvenZones:
         return self.design.digest[:8]
 
     def demand_yes(self, typed: str | None) -> None:
-        """Refuse what is not the beginning of the digest; raise InputError where it is not."""
+        """Refuse what is not the beginning of the digest.
+
+        Raises:
+            InputError: it is not.
+        """
         if typed is None or len(typed) < LEAST_YES or not self.design.digest.startswith(typed.lower()):
             found = "it was not said" if typed is None else f"found {typed!r}"
             raise InputError(f"--confirm: {found}; expected the first digits of the digest of the proof that you have "
