@@ -57,6 +57,24 @@ def data_folder(directory: str | Path) -> Path:
     return inner if os.path.lexists(inner / "words.json") else Path(directory)
 
 
+#: document of a design of zones in its folder
+ZONES_FILE: Final = f"{DATA}/zones.json"
+
+
+def holds_zones(directory: str | Path | None) -> bool:
+    """Return whether a folder holds a design of zones.
+
+    Raises:
+        DocumentError: it holds one of a single heater, too, so that nobody knows which is meant.
+    """
+    if directory is None or not os.path.lexists(Path(directory) / ZONES_FILE):
+        return False
+    if os.path.lexists(data_folder(directory) / "words.json"):
+        raise DocumentError(f"{directory}: holds a design of zones and one of a single heater; give each a folder of "
+                            "its own")
+    return True
+
+
 def existing_path(path: str | Path) -> Path:
     """Return a document's file; one that is not there where earlier releases wrote it is looked for in `DATA`."""
     file = Path(path)

@@ -352,6 +352,67 @@ def _(run):
     return text(plain(run, ("Time", *HEAD[1:]), when=lambda s: f"{begin + timedelta(seconds=s):%m/%d/%Y %I:%M:%S %p}")), {"--log-interval": "2"}
 
 
+@hostile("thousands points and decimal commas")
+def _(run):
+    def grouped(value: float) -> str:
+        return f"{value:,.1f}".translate(str.maketrans(",.", ".,"))
+
+    rows = [[f"{int(1000 * s):,}".replace(",", "."), grouped(d), grouped(p)] for s, d, p, _ in run.rows]
+    return text([["Zeit [ms]", "Temp [°C]", "Heizung [%]"], *rows], ";"), {}
+
+
+@hostile("half in a code page, half in UTF-8")
+def _(run):
+    lines = text(plain(run, ("Zeit [s]", "Temperatur [°C]", "Heizung [%]"))).split("\n")
+    return "\n".join(lines[:300]).encode("cp1252") + "\n\ufeff".encode() + "\n".join(lines[300:]).encode(), {}
+
+
+@hostile("tenths in a row of units")
+def _(run):
+    rows = [[point(s), f"{10 * d:.0f}", f"{p:g}"] for s, d, p, _ in run.rows]
+    return text([["Time", "PV", "OUT"], ["s", "0.1 °C", "%"], ["double"] * 3, *rows]), {"--temperature-unit": "0.1degC"}
+
+
+@hostile("weeks of ISO 8601")
+def _(run):
+    def week(second: float) -> str:
+        at = START + timedelta(seconds=second)
+        year, number, day = at.isocalendar()
+        return f"{year}-W{number:02d}-{day}T{at:%H:%M:%S}"
+
+    return text(plain(run, ("Time", *HEAD[1:]), when=week)), {"--log-interval": "2"}
+
+
+@hostile("midnight in Spanish")
+def _(run):
+    def clock(second: float) -> str:
+        at = datetime(2026, 3, 5, 23, 50) + timedelta(seconds=second)
+        return f"{at:%I:%M:%S} {'a. m.' if at.hour < 12 else 'p. m.'}"
+
+    return text(plain(run, ("Hora", "Temperatura [°C]", "Calefactor [%]"), when=clock)), {"--log-interval": "2"}
+
+
+@hostile("a code of the converter for a while")
+def _(run):
+    cells = plain(run)
+    for row in cells[251:271]:
+        row[1] = "3276.7"
+    return text(cells), {}
+
+
+@hostile("20 mA is off")
+def _(run):
+    rows = [[point(s), point(d), f"{20.0 - 0.16 * p:.2f}"] for s, d, p, _ in run.rows]
+    return text([["time [s]", "Temp [°C]", "Output [mA]"], *rows]), {"--power-levels": "20 4"}
+
+
+@hostile("corrected rows at the end")
+def _(run):
+    cells = plain(run)
+    bad = [[a, "0.0", c] if 200 <= k < 240 else [a, b, c] for k, (a, b, c) in enumerate(cells[1:])]
+    return text([cells[0], *bad, *cells[201:241]]), {}
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Print what became of each export; return 1 if one was read into another heater, accused falsely or crashed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)

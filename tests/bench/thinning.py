@@ -24,7 +24,8 @@ from heatertune.log import read_log
 from heatertune.log.log_values import Log
 from heatertune.model.fit import fit
 from heatertune.model.model_values import FittedModel
-from heatertune.model.power.explanation import clean_log, opened_at_s
+from heatertune.model.power.changed_heater import opening
+from heatertune.model.power.explanation import clean_log
 from heatertune.model.power.open_loop import PowerProblem
 from heatertune.model.power.regressors import Readings
 from tests.bench import on_change
@@ -214,10 +215,10 @@ def accused(count: int, first: int, folder: Path) -> int:
         path = folder / "log.csv"
         path.write_text(writer(drawn_rows(case, seed))[0], encoding="utf-8")
         log = read_log(path, power_full_scale=100.0)
-        instant = opened_at_s(clean_log(log, PowerProblem(readings=Readings.of(log)))[1].problem)
-        if instant is not None:
+        period = opening(clean_log(log, PowerProblem(readings=Readings.of(log)))[1].problem)
+        if period is not None:
             wrong += 1
-            print(f"drawn {seed} {writer.__name__}: stopped at {instant:.4g} s?", flush=True)
+            print(f"drawn {seed} {writer.__name__}: stopped at {period.message}?", flush=True)
     print(f"{count} logs, {wrong} accused")
     return wrong
 

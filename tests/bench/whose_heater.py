@@ -52,13 +52,16 @@ class Drawn:
         return "\n".join(["time_s,temperature_degC" + (",power_pct" if powered else ""), *rows, ""])
 
 
-def draw(kind, way, seed):
-    """Return the log of a kind, a way to move the power, and a seed; the same at all times."""
+def draw(kind, way, seed, *, noise_times=1.0, interval_times=1.0):
+    """Return the log of a kind, a way to move the power, and a seed; the same at all times.
+
+    Noise and row interval are this many times those of the seed.
+    """
     rng = np.random.default_rng([zlib.crc32(f"{kind} {way}".encode()), seed])
     lag, gain = math.exp(rng.uniform(math.log(60.0), math.log(600.0))), math.exp(rng.uniform(math.log(0.4), math.log(3.0)))
     second = lag * rng.uniform(0.05, 0.4) if rng.random() < 0.5 else 0.0
     dead, ambient = lag * rng.uniform(0.03, 0.15), rng.uniform(15.0, 28.0)
-    interval = max(1.0, round(lag / 60.0))
+    interval = max(1.0, round(lag / 60.0 * interval_times))
     fine = min(interval, lag / 200.0)
     per_row = math.ceil(interval / fine)
     fine = interval / per_row
@@ -67,7 +70,7 @@ def draw(kind, way, seed):
     target = ambient + 100.0 * gain * rng.uniform(0.3, 0.6)
     k, ti = lag / (gain * 2.5 * (dead + second + interval)), min(lag, 8.0 * (dead + second + interval))
     levels = [0.0, *rng.uniform(25.0, 80.0, 5)]
-    noise, step = rng.uniform(0.02, 0.1), float(rng.choice([0.01, 0.1]))
+    noise, step = noise_times * rng.uniform(0.02, 0.1), float(rng.choice([0.01, 0.1]))
     band = 100.0 * gain * rng.uniform(0.01, 0.03)
     pipe, x, y, part, on, power = [0.0] * round(dead / fine), ambient, ambient, 0.0, True, 0.0
     rise, reset_for = 100.0 * gain * rng.uniform(0.15, 0.4), 5.0 * interval + (1.2 * lag if kind == "restart" else 0.0)

@@ -11,6 +11,8 @@ ROWS = 60
 TIME = 2.0 * np.arange(ROWS)
 TEMPERATURE = 20.0 + 0.25 * np.maximum(np.arange(ROWS) - 10, 0) + 0.1 * (np.arange(ROWS) % 3)
 POWER = np.where(np.arange(ROWS) < 10, 0, 60)
+ARABIC = str.maketrans("0123456789.", "٠١٢٣٤٥٦٧٨٩٫")  # Unicode: U+0660 to U+0669, decimal separator U+066B
+PERSIAN = str.maketrans("0123456789.", "۰۱۲۳۴۵۶۷۸۹٫")  # U+06F0 to U+06F9
 
 
 def written(header, *columns):
@@ -104,3 +106,18 @@ def test_the_input_of_pid_compact_is_the_temperature_and_its_output_is_in_percen
     assert log.temperature_degC == pytest.approx(TEMPERATURE)
     assert log.power_pct == pytest.approx(POWER)
     assert "power" not in log.taken.assumed
+
+
+@pytest.mark.parametrize(("instant", "number"), [
+    (lambda t: f"0.00:{int(t) // 60:02d}:{int(t) % 60:02d}", str),  # Microsoft, TimeSpan's constant format: d.hh:mm:ss
+    (lambda t: str(t).translate(ARABIC), lambda value: str(value).translate(ARABIC)),
+    (lambda t: str(t).translate(PERSIAN), lambda value: str(value).translate(PERSIAN)),
+], ids=["days before a point", "Arabic digits", "Persian digits"])
+def test_lengths_of_time_and_digits_of_other_writers_are_read(tmp_path, instant, number):
+    rows = [",".join([instant(t), number(y), number(u)]) for t, y, u in zip(TIME, TEMPERATURE, POWER, strict=True)]
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join(["time [s],Temp [°C],Heater [%]", *rows, ""]), encoding="utf-8")
+    log = read_log(path)
+    assert log.time_s == pytest.approx(np.asarray(TIME) - TIME[0])
+    assert log.temperature_degC == pytest.approx(TEMPERATURE)
+    assert log.power_pct == pytest.approx(POWER)

@@ -18,7 +18,6 @@ from heatertune.proof.prove_words import actuator_for
 from heatertune.proof.specification import preset
 from heatertune.settings import Conditions
 from heatertune.zones import design_zones, network_by_hand
-from heatertune.zones.command import to_document
 from heatertune.zones.joint_loop import ZoneEvent, ZoneLoop, run_zones
 from heatertune.zones.joint_proof import offsets_for, prove_zones, specification_for
 from heatertune.zones.joint_tuning import (
@@ -28,6 +27,7 @@ from heatertune.zones.joint_tuning import (
     joint_sensitivity,
     sensitivity_alone,
 )
+from heatertune.zones.zones_folder import to_document
 from tests.zones.networks import balance, chain, radius
 
 

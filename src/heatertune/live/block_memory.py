@@ -164,7 +164,10 @@ class BlockMemory:
 
     gateway: Any = None
 
-    def __init__(self, main: int, content: bytes, interval_s: float, also: Mapping[int, int] | None = None) -> None:
+    def __init__(
+        self, main: int, content: bytes, interval_s: float, also: Mapping[int, int] | None = None, *,
+        first: BlockMemory | None = None,
+    ) -> None:
         """Lay out the blocks.
 
         Args:
@@ -172,29 +175,43 @@ class BlockMemory:
             content: of that block.
             interval_s: time between two scans [s].
             also: other numbers under which it is known.
+            first: memory of the first controller in the same PLC, which clients access, and which reaches this block,
+                too; None: this is the first.
         """
-        self.changed = Condition()
+        self.changed: Condition = Condition() if first is None else first.changed
         self.main, self.length, self._interval_s = main, len(content), interval_s
         self.missing = self.protected = False
-        self._blocks = {main: bytearray(content), OWN: bytearray(OWN_LENGTH)}
+        own: bytearray = bytearray(OWN_LENGTH) if first is None else first._blocks[OWN]
+        self._blocks: dict[int, bytearray] = {main: bytearray(content), OWN: own}
         self._names = {main: main, OWN: OWN, **(also or {})}
-        self.tell(0, 0, 0, (0.0, 0.0, 0.0, 0.0))
+        self._others: dict[int, BlockMemory] = {}
+        if first is None:
+            self.tell(0, 0, 0, (0.0, 0.0, 0.0, 0.0))
+        else:
+            first._others[main] = self
 
     @property
     def numbers(self) -> tuple[int, ...]:
         """The numbers of all blocks."""
-        return tuple(self._blocks)
+        return *self._blocks, *self._others
 
     def size(self, number: int) -> int:
         """Return how long a block is, whatever is wrong with it [bytes]."""
-        return len(self._blocks[number])
+        return len(self._holder(number)._blocks[number])
 
     def block_size(self, number: int) -> int:
         """Return how long a client finds a block [bytes]."""
-        return self.length if number == self.main else self.size(number)
+        holder = self._holder(number)
+        return holder.length if number == holder.main else self.size(number)
+
+    def _holder(self, number: int) -> BlockMemory:
+        """Return the memory of the controller whose block has a number."""
+        return self._others.get(number, self)
 
     def read(self, number: int, start: int, count: int) -> bytes:
         """Return bytes of a block, for a client; raise `Refusal` where the PLC would refuse."""
+        if number in self._others:
+            return self._others[number].read(number, start, count)
         with self.changed:
             block: bytes | bytearray = self._block(number, start, count)
             if self.gateway is not None and block is self._blocks[self.main]:
@@ -203,6 +220,9 @@ class BlockMemory:
 
     def write(self, number: int, start: int, content: bytes) -> None:
         """Write bytes of a block, all of them or none, for a client; raise `Refusal` where the PLC would refuse."""
+        if number in self._others:
+            self._others[number].write(number, start, content)
+            return
         with self.changed:
             block = self._block(number, start, len(content))
             if self.protected and block is self._blocks[self.main]:

@@ -29,6 +29,7 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import partial
 from ipaddress import ip_address
+from itertools import groupby
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -49,6 +50,8 @@ RETRY_S = 60.0
 #: before each look; the last one for all that follow [s]
 _PAUSES_S: Final = (0.0, 0.2, 0.5, 1.0, 2.0)
 
+#: commands whose record says how to end them
+_OF_ONE_BLOCK: Final = ("write", "rollback")
 WAY_BACK_SCHEMA: Final = "heatertune/way-back/2"
 _REAL: Final = struct.Struct(">f")
 _NOT_WHOLE: Final = "as511"  # two words that are written together may reach the CPU apart
@@ -105,12 +108,14 @@ class WayBackPart(NamedTuple):
         before: as they were.
         own: what the command, or the PLC's dead man after it, may have left there.
         real: first byte of a big-endian REAL within them; None: there is none.
+        address: of the block that has them, where a command changes several; empty: that of the way back.
     """
 
     start: int
     before: bytes
     own: Collection[bytes]
     real: int | None = None
+    address: str = ""
 
     def owns(self, cells: bytes, protocol: str) -> bool:
         """Return whether bytes are as they were before, or as the command or the dead man may have left them.
@@ -169,7 +174,7 @@ class WayBack:
     def to_text(self) -> str:
         """Return it as its file holds it."""
         parts = [{"start": part.start, "before": part.before.hex(), "own": sorted(each.hex() for each in part.own),
-                  "real": part.real} for part in self.parts]
+                  "real": part.real, "address": part.address} for part in self.parts]
         return json.dumps({
             "schema": WAY_BACK_SCHEMA, "command": self.command, "address": self.address, "block": self.number,
             "parts": parts, "power_pct": self.power_pct, "record": self.record, "begun": self.begun,
@@ -188,7 +193,8 @@ class WayBack:
 def _part_of(document: Any) -> WayBackPart:
     """Return the part of a way back that a file holds; errors as `WayBack.from_document`."""
     part = WayBackPart(int(document["start"]), bytes.fromhex(document["before"]),
-                       {bytes.fromhex(each) for each in document["own"]}, document.get("real"))
+                       {bytes.fromhex(each) for each in document["own"]}, document.get("real"),
+                       str(document.get("address", "")))
     if not part.before or {len(each) for each in part.own} != {len(part.before)}:
         raise ValueError("own: bytes of another length than before")
     if part.real not in (None, *range(len(part.before) - 3)):
@@ -213,7 +219,7 @@ class Hold:
         self._lost_s: float | None = None  # the latest request without an answer
         self._unseen_s: float | None = None  # the latest one with an answer, until it is seen
         self._before_s: float | None = None  # `_lost_s` before the request that is under way
-        self._sent_again: set[int] = set()  # parts that were sent though what is read is as before
+        self._sent_again: set[tuple[str, int]] = set()  # parts that were sent though what is read is as before
 
     @contextmanager
     def lock(self, command: str) -> Iterator[None]:
@@ -275,7 +281,7 @@ class Hold:
         found = self._stored()
         if found is None:
             return None
-        if found.parts and (found.command == "experiment" or not unless_write):
+        if found.parts and (found.command not in _OF_ONE_BLOCK or not unless_write):
             raise InputError(found.message)
         if left_s := self._late_s(found.sent_s):
             raise InputError(f"{self._address.text}: an earlier request has no answer, and a gateway may still pass it "
@@ -335,12 +341,13 @@ class Hold:
         with suppress(InputError):  # that it may still arrive costs time at the end, no more
             self._note(max(latest, default=None))
 
-    def add_own(self, start: int, cells: bytes) -> None:
+    def add_own(self, start: int, cells: bytes, address: str = "") -> None:
         """Note that the device keeps other bytes than were written in their place; errors are told by the next one."""
         found = self._way_back
         if found is not None:
-            parts = tuple(part._replace(own={*part.own, cells}) if part.start == start else part
-                          for part in found.parts)
+            parts = tuple(
+                part._replace(own={*part.own, cells}) if (part.start, part.address) == (start, address) else part
+                for part in found.parts)
             self._way_back = replace(found, parts=parts)
             with suppress(InputError):
                 self._save(self._way_back)
@@ -414,13 +421,16 @@ class Hold:
         """
         way_back, outcome = self._way_back, True
         assert way_back is not None
-        with connect(address_of(way_back.address), timeout_s) as client:
-            for part in reversed(way_back.parts):
-                found = client.read(way_back.number, part.start, len(part.before))
-                if not part.owns(found, self._address.protocol):
-                    outcome = False
-                elif not self._has_put_back(client, way_back.number, part, found):
-                    return None
+        for place, parts in groupby(reversed(way_back.parts), lambda part: part.address):
+            address = address_of(place or way_back.address)
+            number = address.block or way_back.number  # over Modbus the block is the address's, whatever the number
+            with connect(address, timeout_s) as client:
+                for part in parts:
+                    found = client.read(number, part.start, len(part.before))
+                    if not part.owns(found, self._address.protocol):
+                        outcome = False
+                    elif not self._has_put_back(client, number, part, found):
+                        return None
         return outcome
 
     def _has_put_back(self, client: Client, number: int, part: WayBackPart, present: bytes) -> bool:
@@ -428,7 +438,7 @@ class Hold:
 
         What is read may be a gateway's copy: where something was sent and not seen, the part is written once anyway.
         """
-        if present == part.before and (part.start in self._sent_again or not self.left_s):
+        if present == part.before and ((part.address, part.start) in self._sent_again or not self.left_s):
             return True
         with suppress(InputError):  # the way back is sent though the disk takes nothing
             self.note_request()
@@ -436,7 +446,7 @@ class Hold:
         if client.read(number, part.start, len(part.before)) != part.before:
             return False
         if present == part.before:
-            self._sent_again.add(part.start)
+            self._sent_again.add((part.address, part.start))
         else:
             self.note_stored()
         return True
@@ -471,7 +481,7 @@ def new_way_back(
     """Return the way back of a command that begins now, in this process.
 
     Args:
-        command: `experiment`, `write` or `rollback`.
+        command: `experiment`, `write` or `rollback`; `write of zones`, which changes several blocks.
         address: of the PLC.
         number: of the block.
         parts: what is changed, in the order of the requests.

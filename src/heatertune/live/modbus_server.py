@@ -69,7 +69,7 @@ class ModbusServer(AsideServer):
             listener: on loopback; its port is taken over.
         """
         self._memory, self._address = plc.memory, listener.getsockname()
-        self._runs = {OWN: [RegisterRange(FIRST, 0, self._memory.size(OWN) // 2)], self._memory.main: plc.registers}
+        self._runs = {OWN: [RegisterRange(FIRST, 0, self._memory.size(OWN) // 2)], **plc.register_ranges}
         super().__init__("Modbus", listener)
 
     @asynccontextmanager

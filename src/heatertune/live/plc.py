@@ -55,8 +55,8 @@ from heatertune.settings import Conditions
 from heatertune.units import check
 
 __all__ = [
-    "FAULTS", "HEATER", "LINK", "Pace", "ScheduledFault", "SensorNoise", "VirtualPlant", "VirtualPlc", "fault_of",
-    "heater_events", "plan_for", "touch_mains",
+    "FAULTS", "HEATER", "LINK", "Pace", "PlcStopped", "ScheduledFault", "SensorNoise", "VirtualPlant", "VirtualPlc",
+    "fault_of", "heater_events", "plan_for", "served_core", "touch_mains",
 ]
 
 
@@ -403,7 +403,7 @@ _STOPPING: Final = ("cpu-stop", "db-missing", "db-short")
 _MADE_UP_S: Final = 0.02
 
 
-class _PlcStopped(Exception):
+class PlcStopped(Exception):
     """Raised in the loop when nobody wants it any more."""
 
 
@@ -433,7 +433,7 @@ class VirtualPlc:
     """
 
     def __init__(self, plan: VirtualPlant, block: ServedBlock, measure: Callable[[Any, float], Any], pace: Pace, *,
-                 dead_man_scans: int = 0) -> None:
+                 dead_man_scans: int = 0, memory: BlockMemory | None = None) -> None:
         """Lay out the memory; nothing runs before `start`.
 
         Args:
@@ -443,11 +443,12 @@ class VirtualPlc:
             pace: when intervals pass.
             dead_man_scans: scans in manual without a new heartbeat, after which the controller goes to automatic; 0:
                 it stays.
+            memory: that holds the block, where it is one of several; None: one of its own.
         """
         self._plan, self.block, self._measured, self._pace = plan, block, measure, pace
-        self.memory = BlockMemory(block.number, block.image(), plan.loop.scan_s)
+        self.memory = memory or BlockMemory(block.number, block.image(), plan.loop.scan_s)
         self.memory.gateway = RudeGateway(self)
-        self.registers = block.registers or [RegisterRange(0, 0, self.memory.size(block.number) // 2)]
+        self.registers = block.registers or [RegisterRange(0, 0, self.memory.size(self.memory.main) // 2)]
         self._scan_s, self._ambient, self._dead_man = plan.loop.scan_s, plan.row[4], dead_man_scans
         self._intervals = self._scans = self._silent = self._status = 0
         self._seen = (plan.row[5], 0.0, 0.0, 0.0)
@@ -471,6 +472,11 @@ class VirtualPlc:
     def target(self) -> str:
         """Name of the controller."""
         return "" if self._plan.loop.words is None else self._plan.loop.words.target
+
+    @property
+    def register_ranges(self) -> Mapping[int, Sequence[RegisterRange]]:
+        """Number of each controller's block → its registers."""
+        return {self.memory.main: self.registers}
 
     @property
     def elapsed_s(self) -> float:
@@ -526,9 +532,9 @@ class VirtualPlc:
 
     def _run(self) -> None:
         try:
-            run_plainly(_served(self._plan.loop.core), self._given())
+            self.run_loop()
             self._over()
-        except _PlcStopped:
+        except PlcStopped:
             pass
         except BaseException as problem:  # the thread must not end in silence: who waits for it tells
             self.failed = problem
@@ -536,6 +542,10 @@ class VirtualPlc:
             with self.memory.changed:
                 self._closing = True
                 self.memory.changed.notify_all()
+
+    def run_loop(self) -> None:
+        """Run all intervals."""
+        run_plainly(served_core(self._plan.loop.core), self._given())
 
     def _given(self) -> tuple[Any, ...]:
         """Return all arguments of `heatertune.proof.kernel.run_all`."""
@@ -574,7 +584,7 @@ class VirtualPlc:
                     changed.wait(left)
                 self._due_s = max(self._due_s, time.monotonic() - _MADE_UP_S) + self._scan_s / pace.rate
             if self._closing:
-                raise _PlcStopped
+                raise PlcStopped
 
     def _over(self) -> None:
         """Tell clients which intervals are over."""
@@ -668,7 +678,7 @@ def _restarted(plc: VirtualPlc, _cold: Any, state: Any) -> Any:
     return plc.restarted(state)
 
 
-def _served(core: StepFunctions) -> StepFunctions:
+def served_core(core: StepFunctions) -> StepFunctions:
     """Return a core that scans in served memory."""
     return replace(core, step=_step, measure=_measure, warm_start=_restarted, compiles=False, own=_as_it_is,
                    cold_start=_begun)

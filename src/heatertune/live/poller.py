@@ -214,6 +214,12 @@ class Poller(ClosesOnExit):
                              f"looked at; one request reads {self._client.most}, and only that is of one scan")
         return block
 
+    def read_signals(self, client: Client, number: int) -> tuple[dict[str, float], bytes]:
+        """Return role → quantity as they are now, and the bytes that were read; errors as `Client.read`."""
+        begin, count = self._places.span
+        content = client.read(number, begin, count)
+        return {role: signal.of(content, begin) for role, signal in self._places.signals.items()}, content
+
     def look(self) -> Snapshot | None:
         """Return what the latest scan left behind; None: nothing new, a CPU in STOP, or a scan fell into the look.
 
@@ -221,16 +227,14 @@ class Poller(ClosesOnExit):
             LinkDown: a simulated PLC tells its scans no longer.
             LinkError: no answer; `again` connects anew.
         """
-        begin, count = self._places.span
         before = told_by(self._client) if self._counts_scans else None
         if self._counts_scans and before is None:
             raise LinkDown(f"{self._address.text}: no longer tells its scans")
         if before is not None and before.shown in (0, self._count):
             return None
         asked = time.monotonic()
-        content = self._client.read(self._block, begin, count)
+        seen, content = self.read_signals(self._client, self._block)
         middle = 0.5 * (asked + time.monotonic())
-        seen = {role: signal.of(content, begin) for role, signal in self._places.signals.items()}
         if before is not None:
             after = told_by(self._client)
             whole = after is not None and after.shown == before.shown and (
@@ -242,7 +246,7 @@ class Poller(ClosesOnExit):
         counter = self._places.counter
         if counter is None:
             return Snapshot(middle - self._begun, seen) if self._is_alive() else None
-        scans = int(counter.signal.of(content, begin)) % counter.turn
+        scans = int(counter.signal.of(content, self._places.span[0])) % counter.turn
         return None if scans == self._count else self._looked(scans, counter.turn, seen, first_s=0.0)
 
     def _is_alive(self) -> bool:

@@ -14,7 +14,7 @@ import os
 import re
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, Self
 from heatertune.errors import HeatertuneError, InputError, LinkError
 from heatertune.live.client.connection import Address, address_of, demand_library
 from heatertune.live.controller_block import ROLES, Places, places_given
+from heatertune.live.joint.zones_poller import ZonesPlaces, ZonesPoller
 from heatertune.live.poller import Poller, Snapshot
 from heatertune.log.cells import MARK, SWITCHED, TORN, without_torn
 from heatertune.loops.measures import LoopEntry, read_list
@@ -246,7 +247,8 @@ class _File:
 
 
 def record(
-    address: Address, path: str | Path, places: Places | None = None, settings: RecordingSetup | None = None, *,
+    address: Address, path: str | Path, places: Places | ZonesPlaces | None = None,
+    settings: RecordingSetup | None = None, *,
     shown: Callable[[RecordingState], object] = lambda _: None, ended: Callable[[], bool] = lambda: False,
     reopen: Callable[[], bool] = lambda: False,
 ) -> RecordingState:
@@ -255,7 +257,8 @@ def record(
     Args:
         address: of the PLC, which is only read.
         path: of the log.
-        places: where the PLC shows what; see `heatertune.live.poller.Poller`.
+        places: where the PLC shows what; see `heatertune.live.poller.Poller`. Those of several zones are recorded
+            together, with columns that bear the names of the zones.
         settings: how; None: each scan, without an end.
         shown: called after each look.
         ended: asked after each look whether it is enough.
@@ -271,8 +274,7 @@ def record(
     """
     given = settings or RecordingSetup()
     with _looking(address, places, given.timeout_s) as looking:
-        signals = looking.roles
-        columns = ["time_s", *(_UNITS[role] for role in ROLES if role in signals)]
+        columns = ["time_s", *_titles(looking.roles).values()]
         clock = ("this machine's clock" if looking.interval_s is None
                  else f"scans of the PLC, each {looking.interval_s:.9g} s")
         mixed = "" if looking.whole else "; a row may hold quantities of two scans"
@@ -282,8 +284,20 @@ def record(
             return _Rows(looking, file, given).run(shown, ended, reopen)
 
 
-def _looking(address: Address, places: Places | None, timeout_s: float) -> Poller | MqttSource:
+def _titles(roles: Iterable[str]) -> dict[str, str]:
+    """Return quantity → title of its column, in the order of the columns; those of a zone begin with its name."""
+    known = list(roles)
+    if zones := [key.rpartition(" ") for key in known if " " in key]:
+        return {f"{zone} {role}": f"{zone}_{_UNITS[role]}" for zone, _, role in zones}
+    return {role: _UNITS[role] for role in ROLES if role in known}
+
+
+def _looking(
+    address: Address, places: Places | ZonesPlaces | None, timeout_s: float
+) -> Poller | MqttSource:
     """Return what looks, connected; errors as its kind."""
+    if isinstance(places, ZonesPlaces):
+        return ZonesPoller(places, timeout_s)
     if address.protocol != "mqtt":
         return Poller(address, places, timeout_s)
     demand_library("mqtt")
@@ -297,6 +311,7 @@ class _Rows:
 
     def __init__(self, looking: Poller | MqttSource, file: _File, settings: RecordingSetup) -> None:
         self._looking, self._file, self._settings = looking, file, settings
+        self._keys = tuple(_titles(looking.roles))
         self._every_s = settings.every_s or (0.0 if looking.interval_s is not None else 1.0)
         self.so_far = RecordingState(interval_s=looking.interval_s, notes=file.notes)
         self._shift_s: float | None = None if file.last_s is not None else 0.0
@@ -360,7 +375,7 @@ class _Rows:
         if self._last_s is not None and at < self._last_s + self._every_s * (1.0 - 1e-6):
             return
         self._tell_gap(at, look)
-        values = [look.signals[role] for role in ROLES if role in look.signals]
+        values = [look.signals[key] for key in self._keys if key in look.signals]
         is_row = self._are_numbers(at, look)
         cells = ",".join([f"{at:.9g}", *(f"{value:.7g}" for value in values)])
         self._file.write(f"{cells}\n" if is_row else f"# {cells}\n")
@@ -373,7 +388,7 @@ class _Rows:
 
     def _are_numbers(self, at: float, look: Snapshot) -> bool:
         """Return whether all quantities are numbers; name a gap, in a comment, where they begin not to be."""
-        missing = tuple(role for role in ROLES if role in look.signals and not math.isfinite(look.signals[role]))
+        missing = tuple(key for key in self._keys if key in look.signals and not math.isfinite(look.signals[key]))
         if missing and missing != self._missing:
             self.so_far.gaps += 1
             self._file.write(f"# gap from {at:.9g} s: no number for {', '.join(missing)}\n")

@@ -25,7 +25,10 @@ from heatertune.proof.words_file import words_in
 from heatertune.settings import Conditions
 from heatertune.units import check
 
-__all__ = ["FaultyLink", "Simulation", "VirtualPlcServed", "read_folder", "virtual_plc"]
+__all__ = [
+    "FaultyLink", "Simulation", "VirtualPlcServed", "is_of_link", "pace_of", "reaching_settings", "read_folder",
+    "virtual_plc",
+]
 
 
 _MOST: Final = 65536
@@ -226,18 +229,21 @@ class VirtualPlcServed(ClosesOnExit):
         scan_s: time of the plant between two scans [s].
     """
 
-    def __init__(self, plan: VirtualPlant, block: ServedBlock, measure: Callable[[Any, float], Any],
-                 settings: Simulation) -> None:
-        """Begin to serve; `virtual_plc` hands in what is needed."""
-        pace = Pace(rate=settings.rate, by_client=settings.step, intervals=settings.intervals)
-        self.plc = VirtualPlc(plan, block, measure, pace, dead_man_scans=settings.dead_man)
-        self.block, self.number, self.length = block.description, block.number, self.plc.memory.size(block.number)
-        self.registers = self.plc.registers
-        assert plan.loop.words is not None
-        self.target, self.scan_s = plan.loop.words.target, plan.loop.scan_s
+    def __init__(self, plc: VirtualPlc, target: str, scan_s: float, settings: Simulation, *, linked: bool) -> None:
+        """Begin to serve; `virtual_plc` hands in what is needed.
+
+        Args:
+            plc: that does not run yet.
+            target: name of the controller.
+            scan_s: time of the plant between two scans [s].
+            settings: protocols and ports.
+            linked: whether faults of the link are scheduled.
+        """
+        self.plc, self.target, self.scan_s = plc, target, scan_s
+        self.block, self.number = plc.block.description, plc.memory.main
+        self.length, self.registers = plc.memory.size(self.number), plc.registers
         self.addresses: dict[str, tuple[str, int]] = {}
         self._ends: list[Callable[[], Any]] = []
-        linked = any(fault.name in LINK or f"{fault.name}=" in LINK for fault in plan.faults)
         try:
             for protocol, port in zip(settings.serve, (*settings.ports, *[0] * len(settings.serve)), strict=False):
                 self._serve(protocol, port, linked=linked)
@@ -275,6 +281,10 @@ class VirtualPlcServed(ClosesOnExit):
         first = self.registers[0].first if len(self.registers) == 1 else 0
         return {protocol: _URLS[protocol].format(*where, self.number, first=first)
                 for protocol, where in self.addresses.items()}
+
+    def zone_places(self) -> list[dict[str, object]]:
+        """Return name, block and addresses of each zone; nothing where there is one heater."""
+        return []
 
     @property
     def status(self) -> SimulatorStatus:
@@ -341,12 +351,28 @@ def virtual_plc(
     else:
         words = source
     plan, block = _prepared(words, model, conditions or Conditions(), given)
-    given = _reaching(block, words.target, given)
-    return VirtualPlcServed(plan, block, controller_for(words.target).core.measure, given)
+    given = reaching_settings(block, words.target, given)
+    plc = VirtualPlc(plan, block, controller_for(words.target).core.measure, pace_of(given),
+                     dead_man_scans=given.dead_man)
+    return VirtualPlcServed(plc, words.target, plan.loop.scan_s, given, linked=any(map(is_of_link, plan.faults)))
 
 
-def _reaching(block: ServedBlock, target: str, settings: Simulation) -> Simulation:
-    """Return the settings with the protocols that are served; raise InputError for one that does not reach it."""
+def pace_of(settings: Simulation) -> Pace:
+    """Return when intervals pass."""
+    return Pace(rate=settings.rate, by_client=settings.step, intervals=settings.intervals)
+
+
+def is_of_link(fault: ScheduledFault) -> bool:
+    """Return whether a fault is one of the link or the device behind it, and of no zone."""
+    return fault.name in LINK or f"{fault.name}=" in LINK
+
+
+def reaching_settings(block: ServedBlock, target: str, settings: Simulation) -> Simulation:
+    """Return the settings with the protocols that are served.
+
+    Raises:
+        InputError: one of them does not reach the controller, or its library is not installed.
+    """
     if not settings.serve:
         settings = replace(settings, serve=block.speaks[:1])
         demand_library(*settings.serve)

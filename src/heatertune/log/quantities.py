@@ -180,10 +180,12 @@ def plain_name(name: str) -> str:
 
 
 _FIGURE: Final = r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?"
-#: other characters for those of a number: minus signs of typographers, digits of full width
-_FORMS: Final = str.maketrans("０１２３４５６７８９−–－．，’\u00a0\u202f\u2009", "0123456789---.,'   ")
+#: other characters for those of a number: minus signs of typographers, digits of full width and Arabic ones
+_FORMS: Final = str.maketrans(
+    "０１２３４５６７８９٠١٢٣٤٥٦٧٨٩۰۱۲۳۴۵۶۷۸۹−–－．，’٫٬\u00a0\u202f\u2009",
+    "012345678901234567890123456789---.,'.'   ")
 #: marks of a cell that may hold a number or a time in another form
-FORM_MARKS: Final = re.compile("['’=(\\[−–－０-９\u00a0\u202f\u2009]|\\d \\d{3}|\\d[dD][+-]?\\d")
+FORM_MARKS: Final = re.compile("['’=(\\[−–－０-９٠-٩۰-۹\u00a0\u202f\u2009]|\\d \\d{3}|\\d[dD][+-]?\\d")
 _WRAPPED: Final = re.compile(r"=?\"([^\"]*)\"|'([^']*)'?|\[([-\d./T:, ]+)\]")
 _ACCOUNTANTS: Final = re.compile(r"\((\d[\d., ']*)\)")
 _SPACED: Final = re.compile(r"([+-]?\d{1,3}(?:[ ']\d{3})+(?:[.,]\d+)?)( ?[^\d\s].*)?")

@@ -165,14 +165,14 @@ def _clock(text: str) -> str:
     return f"0{text}" if text[1:2] == ":" else text
 
 
-_CLOCK_LENGTH = re.compile(r"(?:(-?\d+) ?d(?:ays?)?,? ?)?(\d{1,5}):([0-5]?\d):([0-5]?\d(?:[.,]\d+)?)")
+_CLOCK_LENGTH = re.compile(r"(?:(-?\d+)(?: ?d(?:ays?)?,? ?|\.(?=\d\d:)))?(\d{1,5}):([0-5]?\d):([0-5]?\d(?:[.,]\d+)?)")
 _WORDED_LENGTH = re.compile(
     r"(?:P?(?:(\d+) ?d(?:ays?)? ?,? ?T?|T))?(?:(\d+) ?h(?:ours?|rs?|)? ?,? ?)?"
     r"(?:(\d+) ?(?:m(?:in(?:ute)?s?)?|') ?,? ?)?(?:(\d+(?:[.,]\d+)?) ?(?:s(?:ec(?:ond)?s?)?|\"|''))?", re.IGNORECASE)
 
 
 def duration_s(cell: str) -> float | None:
-    """Return the length of time in a cell [s]: 25:10:00, 0 days 00:00:02, 5m 3s, PT1H2M3S; None if it is none."""
+    """Return the length of time in a cell [s]: 25:10:00, 0 days 00:00:02, 0.00:00:02, 5m 3s, PT1H2M3S; None: none."""
     text = cell.strip()
     found = _CLOCK_LENGTH.fullmatch(text) or _WORDED_LENGTH.fullmatch(text)
     if found is None or not any(found.groups()):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Final
 
@@ -11,7 +10,7 @@ import numpy as np
 
 from heatertune import options
 from heatertune.cli import common, printing
-from heatertune.codec import DATA, plain, to_json
+from heatertune.codec import DATA, ZONES_FILE, to_json
 from heatertune.errors import InputError
 from heatertune.proof.design_request import with_printer_range
 from heatertune.settings import FitSettings, SampleSettings, WordSettings
@@ -21,10 +20,10 @@ from heatertune.zones.joint_proof import JointProof, ZoneSpecification, design_z
 from heatertune.zones.zone_export import demand_program, export_zones
 from heatertune.zones.zone_reader import read_zones
 from heatertune.zones.zone_record import zone_record
+from heatertune.zones.zones_folder import to_document
 
-__all__ = ["run", "to_document"]
+__all__ = ["run"]
 
-SCHEMA: Final = "heatertune/zones/1"
 #: options of a design of one heater that zones do not have
 _TUNED: Final = ("structure", "sample_time_s")
 _PROVEN: Final = ("setpoint_degC", "pwm_period_s", "minimum_on_s", "minimum_off_s", "pwm_rule", "pwm_resolution_s",
@@ -56,7 +55,7 @@ def run(settings: argparse.Namespace) -> int:
         sample_time_s=request.tune_settings.sample_time_s, conditions=request.conditions,
         specification=_specification(settings, fitted, request.conditions))
     document = to_document(proof)
-    files: dict[str, str | bytes] = {f"{DATA}/zones.json": to_json(document)}
+    files: dict[str, str | bytes] = {ZONES_FILE: to_json(document)}
     if proof.verdict == "PASS" or settings.force:
         files |= export_zones(proof, force=settings.force)
     files["record.html"] = zone_record(proof, document, [name for name in files if not name.startswith(DATA)])
@@ -122,35 +121,3 @@ def _parameters(proof: JointProof) -> str:
 def _brief(proof: JointProof) -> str:
     kept = tuple(f"{each.name}: " for each in proof.criteria if each.ok)
     return "\n".join(line for line in proof.summary().splitlines() if not line.startswith(kept))
-
-
-def to_document(proof: JointProof) -> Mapping[str, object]:
-    """Return the network, the words of all zones and their proof as a JSON document."""
-    fitted, network = proof.fitted, proof.fitted.network
-    return {
-        "schema": SCHEMA,
-        "verdict": proof.verdict,
-        "target": proof.words[0].target,
-        "zones": [{
-            "name": zone, "setpoint_degC": proof.specification.setpoints_degC[number],
-            "gain_degC_per_pct": network.gains_degC_per_pct[number],
-            "time_constant_s": network.time_constants_s[number],
-            "second_time_constant_s": network.second_time_constants_s[number],
-            "dead_time_s": network.dead_times_s[number], "ambient_degC": network.ambients_degC[number],
-            "fit_pct": fitted.fit_pct[number] if fitted.fit_pct else None,
-            "words": dict(proof.words[number].values), "pwm_offset_s": proof.offsets_s[number],
-        } for number, zone in enumerate(network.zones)],
-        "exchange": [list(map(float, row)) for row in network.exchange],
-        "shown_couplings": dict(fitted.couplings),
-        "ci95": {name: [interval.low, interval.high] for name, interval in fitted.ci95.items()},
-        "sample_time_s": proof.words[0].sample_time_s,
-        "range_degC": list(proof.words[0].scaling.sensor_degC),
-        "criteria": [plain({"name": each.name, "value": each.value, "limit": each.limit, "ok": each.ok,
-                            "where": each.where}) for each in proof.criteria],
-        "findings": [{"name": each.name, "message": each.message, "accepted": each.name in proof.accepted}
-                     for each in proof.findings],
-        "runs": list(proof.runs),
-        "not_tested": list(proof.not_tested),
-        "peak_heaters": proof.peak_heaters, "peak_kw": proof.peak_kw, "heaters_bound": proof.heaters_bound,
-        "bound_share": proof.bound_share,
-    }

@@ -36,7 +36,10 @@ from heatertune.zones.joint_kernel import (
 )
 from heatertune.zones.network import ThermalNetwork
 
-__all__ = ["JointTrace", "ZoneEvent", "ZoneLoop", "run_zones"]
+__all__ = [
+    "JointTrace", "ZoneEvent", "ZoneLoop", "bound_kernel", "event_arrays", "memory_at_rest", "nested_pairs",
+    "network_arrays", "run_zones",
+]
 
 _MOST_PLAIN: Final = 20_000  # scans of all zones that take as long as to compile the kernel
 
@@ -149,11 +152,11 @@ def run_zones(
     """
     controllers, scans = _Controllers(loop, switches or {}), int(duration_s / loop.sample_time_s) + 1
     periods = math.ceil((scans + 1) * loop.sample_time_s / controllers.pwm[0]) + 2
-    memory = _memory(loop, network, periods, 2 * periods + len(events))
+    memory = memory_at_rest(loop, network, periods, 2 * periods + len(events))
     shape = scans, len(loop.words)
     noise = np.random.default_rng(seed).normal(0.0, noise_degC, shape) if noise_degC else np.zeros((1, shape[1]))
     out = JointArrays(*(np.zeros(shape) for _ in JointArrays._fields))
-    controllers.run(sorted(events), loop.sample_time_s, _network(loop, network), noise, memory, out)
+    controllers.run(sorted(events), loop.sample_time_s, network_arrays(loop, network), noise, memory, out)
     pulses = np.concatenate([
         np.column_stack([np.full(count, zone), memory.pulse_begin[zone, :count], memory.pulse_end[zone, :count]])
         for zone, count in enumerate(memory.pulse_counts)])
@@ -171,8 +174,8 @@ class _Controllers:
         started = [in_loop(self.controller, words, [words.scaling.low_degC], switches, direct=True)
                    for words in loop.words]
         self.core, self.pwm = started[0].core, actuator_of(started[0], loop.actuator).numbers
-        self.parameters = _nested([(each.parameters, each.sensor) for each in started])
-        self.cold, self.states = (_nested([
+        self.parameters = nested_pairs([(each.parameters, each.sensor) for each in started])
+        self.cold, self.states = (nested_pairs([
             each.core.cold_start(each.parameters, each.core.own(each.state)) for each in started]) for _ in range(2))
 
     def run(self, events: Sequence[ZoneEvent], interval_s: float, network: NetworkArrays, *others: Any) -> None:
@@ -182,15 +185,15 @@ class _Controllers:
         none = self.controller.measure(self.words[0], self.words[0].scaling.low_degC)
         words = ZoneWords(np.array([none] * len(self.words)), np.array([*measured, none]))
         own: tuple[Any, ...] = self.parameters, self.cold, self.states, words
-        flags, function = self.core.flags, _kernel(self.core, len(self.words))
+        flags, function = self.core.flags, bound_kernel(self.core, len(self.words))
         overflow = 1 << flags.index("overflow") if "overflow" in flags else 0
         if self.core.compiles and worth_compiling(others[-1].powers.size, function.__qualname__, _MOST_PLAIN, function):
             own = to_single(own) if self.core.singles else own
             function = compile_function(function, calls=True)
-        function(*own, interval_s, overflow, self.pwm, network, _events(events), *others)
+        function(*own, interval_s, overflow, self.pwm, network, event_arrays(events), *others)
 
 
-def _nested(items: Sequence[Any]) -> Any:
+def nested_pairs(items: Sequence[Any]) -> Any:
     """Return (first, (second, third)), and so on."""
     nested = items[-1]
     for item in reversed(items[:-1]):
@@ -199,7 +202,7 @@ def _nested(items: Sequence[Any]) -> Any:
 
 
 @cache
-def _kernel(core: StepFunctions, count: int) -> Callable[..., int]:
+def bound_kernel(core: StepFunctions, count: int) -> Callable[..., int]:
     """Return the kernel with a controller in it for so many zones, a plain function."""
     one = bound(scan_zone, step=core.step, measure=core.measure, warm_state=core.warm_start, cold_state=core.cold_start)
     scan = one
@@ -208,7 +211,12 @@ def _kernel(core: StepFunctions, count: int) -> Callable[..., int]:
     return cast("Callable[..., int]", bound(run_joint, scan_zones=scan))
 
 
-def _events(events: Sequence[ZoneEvent]) -> ZoneEvents:
+def event_arrays(events: Sequence[ZoneEvent]) -> ZoneEvents:
+    """Return events in order of time as the kernel takes them.
+
+    Raises:
+        InputError: an unknown kind of event.
+    """
     for each in events:
         if each.kind not in KINDS:
             raise InputError(f"event {each.kind!r}: expected one of {', '.join(KINDS)}")
@@ -217,7 +225,8 @@ def _events(events: Sequence[ZoneEvent]) -> ZoneEvents:
     return ZoneEvents(np.array(time), np.array(kind), np.array(zone), np.array(value))
 
 
-def _network(loop: ZoneLoop, network: ThermalNetwork) -> NetworkArrays:
+def network_arrays(loop: ZoneLoop, network: ThermalNetwork) -> NetworkArrays:
+    """Return a network as the kernel takes it, behind the delays of the controllers."""
     modes, words = network.modes, loop.words[0]
     late = controller_for(words.target).delayed_s(words.scaling)
     rates, outputs, rest, shifts = (np.array(each, dtype=np.complex128, order="C") for each in (
@@ -225,7 +234,7 @@ def _network(loop: ZoneLoop, network: ThermalNetwork) -> NetworkArrays:
     return NetworkArrays(rates, outputs, outputs * rates, rest, shifts, np.array(network.dead_times_s) + late)
 
 
-def _memory(loop: ZoneLoop, network: ThermalNetwork, periods: int, edges: int) -> ZoneMemory:
+def memory_at_rest(loop: ZoneLoop, network: ThermalNetwork, periods: int, edges: int) -> ZoneMemory:
     """Return the memory of a loop at rest without power, with places for so many PWM periods and edges of each zone."""
     count, modes = len(loop.words), network.modes
     states = np.concatenate([network.steady_degC([0.0] * count), np.zeros(len(modes.elements))])

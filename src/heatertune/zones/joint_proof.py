@@ -148,7 +148,10 @@ class JointProof:
         bound_share: share of the PWM periods, while the setpoints are held, in which no more than ⌈Σ duty⌉ of the run's
             network are on at once.
         trace: the first run, on the best fit.
+        settle_s: time after which all zones are at rest, after a setpoint change or load [s].
+        heat_s: likewise, after a heat-up or restart [s].
         switches: open point → setting that the user knows.
+        conditions: of the proof.
     """
 
     design: JointDesign
@@ -166,7 +169,10 @@ class JointProof:
     heaters_bound: int
     bound_share: float
     trace: JointTrace
+    settle_s: float = math.inf
+    heat_s: float = math.inf
     switches: Mapping[str, str] = field(default_factory=dict)
+    conditions: Conditions = field(default_factory=Conditions)
 
     @property
     def words(self) -> tuple[Words, ...]:
@@ -363,7 +369,8 @@ def prove_zones(
         criteria=tuple(found), runs=tuple(runs), findings=(*fitted.findings, *_beyond_log(fitted, specification)),
         accepted=tuple(asked.accept), not_tested=(*dict.fromkeys(prover.not_tested), *_NOT_TESTED),
         peak_heaters=peak.most, peak_kw=peak_kw, heaters_bound=peak.bound, bound_share=peak.share, trace=traces[0],
-        switches=dict(asked.switches))
+        settle_s=prover.settle_s, heat_s=max(prover.heat_s, 2.0 * prover.settle_s),
+        switches=dict(asked.switches), conditions=asked)
 
 
 def _calm_actuator(
@@ -451,6 +458,7 @@ class _Prover:
         self.settle_s = max(settle, 6.0 * tight, 20.0 * loop.sample_time_s)
         integral = max(each.integral_time_s for each in design.designs)
         self.open_s = 2.0 * integral
+        self.heat_s = 0.0  # the longest heat-up of a run
 
     def static(self, powers_pct: Sequence[Array]) -> list[JointCriterion]:
         """Return the criteria that need no run: margins, and the power that holds the setpoints."""
@@ -519,6 +527,7 @@ class _Prover:
     ) -> tuple[JointTrace, list[JointCriterion]]:
         """Run the sequence of use: heat-up, then for some zones what may happen to each."""
         heat_s, wait = self._heat_up_s(network), self.settle_s
+        self.heat_s = max(self.heat_s, heat_s)
         events = [event for zone in range(self.count) for event in (
             ZoneEvent(0.0, "setpoint", zone, float(self.setpoints[zone])), ZoneEvent(0.0, "on", zone))]
         phases, now = [_Phase("heat-up", -1, 0.0, heat_s)], heat_s

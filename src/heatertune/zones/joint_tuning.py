@@ -56,6 +56,7 @@ class JointDesign:
         joint_ms: largest singular value of S over all plausible networks.
         alone_ms: largest sensitivity of a zone with the others off, over all plausible networks.
         radius: largest magnitude of an eigenvalue of the sampled closed loop.
+        structure: "pi" or "pid".
     """
 
     designs: tuple[PidDesign, ...]
@@ -64,6 +65,7 @@ class JointDesign:
     joint_ms: float
     alone_ms: float
     radius: float
+    structure: str = "pi"
 
     @property
     def is_robust(self) -> bool:
@@ -134,7 +136,7 @@ class JointTuner:
     def designs(self) -> Iterator[JointDesign]:
         """Yield robust designs, the fastest first; each is detuned further than the one before; errors as the class."""
         for ms in _LADDER:
-            design = self._design((ms,) * len(self.models))
+            design = self.design_for((ms,) * len(self.models))
             if design.is_robust:
                 yield design
 
@@ -143,7 +145,7 @@ class JointTuner:
         rung = _LADDER.index(design.ms_zones[zone]) + 1
         if rung == len(_LADDER):
             return None
-        slower = self._design((*design.ms_zones[:zone], _LADDER[rung], *design.ms_zones[zone + 1:]))
+        slower = self.design_for((*design.ms_zones[:zone], _LADDER[rung], *design.ms_zones[zone + 1:]))
         return slower if slower.is_robust else None
 
     def _words(self, zone: int, ms: float) -> Words:
@@ -153,7 +155,8 @@ class JointTuner:
             self._tuned[zone, ms] = choose_words(design, self.target, model, scaling=self.scaling).words
         return self._tuned[zone, ms]
 
-    def _design(self, ms_zones: tuple[float, ...]) -> JointDesign:
+    def design_for(self, ms_zones: tuple[float, ...]) -> JointDesign:
+        """Return the design of zones that are tuned for these Ms; errors as the class."""
         words = tuple(self._words(zone, ms) for zone, ms in enumerate(ms_zones))
         realised = tuple(_realised(each) for each in words)
         delay = controller_for(self.target).delayed_s(self.scaling or Scaling())
@@ -161,7 +164,8 @@ class JointTuner:
             designs=realised, words=words, ms_zones=ms_zones,
             joint_ms=max(joint_sensitivity(network, realised, delay) for network in self.networks),
             alone_ms=max(sensitivity_alone(network, realised, delay) for network in self.networks),
-            radius=max(closed_loop_radius(network, realised, delay) for network in self.networks[:3]))
+            radius=max(closed_loop_radius(network, realised, delay) for network in self.networks[:3]),
+            structure=self.settings.structure)
 
 
 def _realised(words: Words) -> PidDesign:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 import signal
 import sys
 import threading
@@ -10,23 +11,27 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from heatertune import chain
 from heatertune.cli import printing
 from heatertune.cli.printing import LINE, can_take
+from heatertune.codec import holds_zones
 from heatertune.errors import HeatertuneError, InputError
 from heatertune.live.client.connection import Address, address_of
 
 if TYPE_CHECKING:
+    from heatertune.live.controller_block import Places
+    from heatertune.live.joint.zones_poller import ZonesPlaces
     from heatertune.live.loop_watch import BandWatch, OnlineMonitor
     from heatertune.live.recorder import RecordingState
     from heatertune.live.write.proven_words import ProvenWords
 
 __all__ = [
-    "ALL_SIGNALS", "RECORD_EXAMPLE", "WATCH_EXAMPLE", "add_record", "add_watch", "asked_to_end", "live_line",
-    "show_notes", "signals_as_ctrl_c", "tell", "tell_unended",
+    "ALL_SIGNALS", "RECORD_EXAMPLE", "WATCH_EXAMPLE", "add_record", "add_watch", "add_zone_blocks", "asked_to_end",
+    "live_line", "show_notes", "signals_as_ctrl_c", "tell", "tell_unended", "zones_of",
 ]
 
 
@@ -58,17 +63,43 @@ def add_record(commands: Any) -> None:
                          help="run as a service: continue an existing log, and reopen it on SIGHUP (log rotation)")
     command.add_argument("--timeout", type=float, default=2.0, metavar="S",
                          help="time after which an answer counts as lost (default: 2)")
+    add_zone_blocks(command)
     printing.add_output_options(command, _run_record)
 
 
+def add_zone_blocks(command: argparse.ArgumentParser) -> None:
+    """Add the option that says where the blocks of several zones are."""
+    command.add_argument("--zone-blocks", metavar="N,N", help=(
+        "of a design of zones: number of each zone's data block, or its first register (default: from that of the "
+        "address, each 10 blocks or 100 registers further)"))
+
+
+def zones_of(design: str | None, address: Address, numbers: str | None) -> ZonesPlaces | None:
+    """Return where the zones of a design are; None: its folder holds a design of one heater, or there is none.
+
+    Raises:
+        InputError: numbers that are none, or as `heatertune.live.joint.zones_poller.zones_places`.
+    """
+    if not holds_zones(design):
+        if numbers is not None:
+            raise InputError("--zone-blocks: only for a folder that design --zones wrote (--design)")
+        return None
+    try:
+        blocks = [] if numbers is None else [int(part) for part in numbers.split(",")]
+    except ValueError:
+        raise InputError(f"--zone-blocks {numbers}: expected whole numbers with commas between them, such as "
+                         "100,110") from None
+    found: ZonesPlaces = import_module("heatertune.live.joint.zones_poller").zones_places(design, address, blocks)
+    return found
+
+
 def _run_record(settings: argparse.Namespace) -> int:
-    from heatertune.live.controller_block import places_given
     from heatertune.live.recorder import RecordingSetup, record
 
     address = address_of(settings.address)
     how = RecordingSetup(every_s=settings.interval, for_s=settings.for_s, append=settings.append or settings.service,
                          timeout_s=settings.timeout, pwm_period_s=_pwm_period_s(settings.design))
-    places, begun = places_given(design=settings.design, map_file=settings.map), time.monotonic()
+    places, begun = _places(settings, address), time.monotonic()
     tell_unended(address)
     shown_notes: list[str] = []
     signals = [name for name in _ENDING if not (settings.service and name == "SIGHUP")]
@@ -81,9 +112,17 @@ def _run_record(settings: argparse.Namespace) -> int:
         so_far = record(address, settings.out, places, how, shown=shown, ended=lambda: bool(asked),
                         reopen=lambda: hang_ups.pop() > 0 if hang_ups else False)
     LINE.end()
-    document = _document(settings, so_far)
+    document = _document(settings, so_far) | {"zones": list(getattr(places, "zones", ())) or None}
     printing.output(settings, document, lambda: _lines(document))
     return 1 if so_far.notes else 0
+
+
+def _places(settings: argparse.Namespace, address: Address) -> Places | ZonesPlaces | None:
+    """Return where the PLC shows what is recorded, of one heater or of several zones."""
+    from heatertune.live.controller_block import places_given
+
+    return zones_of(settings.design, address, settings.zone_blocks) or places_given(
+        design=settings.design, map_file=settings.map)
 
 
 def tell_unended(address: Address) -> None:
@@ -112,6 +151,9 @@ def tell(message: str) -> None:
 def _pwm_period_s(design: str | None) -> float | None:
     if design is None:
         return None
+    if holds_zones(design):
+        period: float = import_module("heatertune.zones.zones_folder").read_zones_design(design).pwm_period_s
+        return period
     from heatertune.proof.words_file import pwm_period_in
 
     return pwm_period_in(design)
@@ -185,7 +227,8 @@ def live_line(so_far: RecordingState, wall_s: float, hand: str = "") -> str:
     if so_far.last is None:
         return f"waiting for the first scan, {wall_s:.0f} s"
     seen = so_far.last.signals
-    parts = [f"{so_far.last.time_s:.0f} s", f"{seen['temperature']:.2f} °C"]
+    warm = [f"{degC:.2f}" for key, degC in seen.items() if key.endswith("temperature")]
+    parts = [f"{so_far.last.time_s:.0f} s", f"{' '.join(warm)} °C"]
     parts += [f"{seen['power']:.1f} %"] if "power" in seen else []
     parts += [hand] if hand else [f"setpoint {seen['setpoint']:.1f} °C"] if "setpoint" in seen else []
     return f"{so_far.rows} rows: {', '.join(parts)}"[:60]
@@ -213,7 +256,9 @@ def _lines(document: Mapping[str, Any]) -> str:
     lines += [f"- {note}" for note in document["notes"]]
     if document["torn_looks"]:
         lines.append(f"- {document['torn_looks']} looks that a scan fell into were left out")
-    return "\n".join([*lines, f"next: heatertune read {Path(log)}"])
+    further = f"read {Path(log)}" if document["zones"] is None else (
+        f"design {Path(log)} --zones {shlex.quote(','.join(document['zones']))}")
+    return "\n".join([*lines, f"next: heatertune {further}"])
 
 
 WATCH_EXAMPLE: Final = "example: heatertune watch s7://192.168.0.10/0/2/db30 --design out/"
@@ -239,6 +284,7 @@ def add_watch(commands: Any) -> None:
     command.add_argument("--refit", action="store_true", help="identify the heater from the recorded log at the end")
     command.add_argument("--monitor", metavar="FILE", help=(
         "supervision.json by heatertune supervise: its monitor runs alongside; it does not replace a thermal cut-out"))
+    add_zone_blocks(command)
     printing.add_output_options(command, _run_watch)
 
 
@@ -249,7 +295,10 @@ def _run_watch(settings: argparse.Namespace) -> int:
     from heatertune.live.recorder import RecordingSetup, record
     from heatertune.live.write.proven_words import read_proven
 
-    address, proven = address_of(settings.address), read_proven(settings.design, printing.Progress(settings))
+    address = address_of(settings.address)
+    if zones_of(settings.design, address, settings.zone_blocks) is not None:
+        return _watch_zones(settings, address)
+    proven = read_proven(settings.design, printing.Progress(settings))
     places = places_of(proven.words)
     if places is None:
         raise InputError(f"{settings.design}: where {proven.words.target} shows its temperature is not known here")
@@ -279,6 +328,14 @@ def _run_watch(settings: argparse.Namespace) -> int:
                 "refit": _refitted(log, proven) if settings.refit else None}
     printing.output(settings, document, lambda: _lines_watch(document))
     return 0 if well else 1
+
+
+def _watch_zones(settings: argparse.Namespace, address: Address) -> int:
+    """Run the command for zones; return its exit status."""
+    for name in ("refit", "monitor"):
+        if getattr(settings, name):
+            raise InputError(f"--{name}: not for zones; leave it out")
+    return int(import_module("heatertune.live.commands.zone_commands").watch(settings, address))
 
 
 def _unmoved(watch: BandWatch, so_far: RecordingState) -> str:

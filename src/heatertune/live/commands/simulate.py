@@ -8,15 +8,17 @@ import sys
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
 from heatertune import options
 from heatertune.cli import printing
+from heatertune.codec import holds_zones
 from heatertune.errors import InputError
 from heatertune.settings import Conditions
 
 if TYPE_CHECKING:
-    from heatertune.live.serve import VirtualPlcServed
+    from heatertune.live.serve import Simulation, VirtualPlcServed
 
 __all__ = ["SIMULATE_EXAMPLE", "add_simulate"]
 
@@ -70,9 +72,13 @@ def _run_simulate(settings: argparse.Namespace) -> int:
         serve=tuple(settings.serve), ports=tuple(settings.port), rate=_rate(settings.rate),
         step=settings.step, intervals=settings.scans, sample=settings.sample, story=settings.story,
         faults=tuple(settings.fault), dead_man=settings.dead_man)
-    words, model, conditions = read_folder(settings.directory)
-    own = replace(conditions, **options.provided_options(Conditions, settings))
-    with virtual_plc(words, model, own, simulation) as served:
+    changed = options.provided_options(Conditions, settings)
+    if holds_zones(settings.directory):
+        plc = _zones(settings, simulation, changed)
+    else:
+        words, model, conditions = read_folder(settings.directory)
+        plc = virtual_plc(words, model, replace(conditions, **changed), simulation)
+    with plc as served:
         with suppress(KeyboardInterrupt):  # as it is meant to be ended, as soon as its addresses are told
             document = _document(settings, served, simulation)
             printing.output(settings, document, lambda: _lines(document))
@@ -83,6 +89,16 @@ def _run_simulate(settings: argparse.Namespace) -> int:
         print(f"ended after {told.intervals} scans: {told.temperature_degC:.2f} °C, {told.power_pct:.1f} % power",
               file=sys.stderr)
     return 0
+
+
+def _zones(settings: argparse.Namespace, simulation: Simulation, changed: Mapping[str, object]) -> VirtualPlcServed:
+    """Return the virtual PLC of several zones; raise InputError for a condition that theirs does not follow."""
+    if other := next((name for name in changed if name != "noise_degC"), None):
+        flag = options.options_of(Conditions)[other].flag
+        raise InputError(f"{flag}: not for zones, which are simulated as they were proven; leave it out")
+    served: VirtualPlcServed = import_module("heatertune.live.joint.virtual_zones").virtual_zones(
+        settings.directory, simulation, **changed)
+    return served
 
 
 def _rate(text: str) -> float:
@@ -102,7 +118,7 @@ def _document(settings: argparse.Namespace, served: VirtualPlcServed, simulation
         "addresses": addresses, "block": served.number, "bytes": served.length, "description": served.block,
         "registers": [[run.first, run.first + run.size - 1] for run in served.registers],
         "scan_s": served.scan_s, "pace": "a client releases each" if simulation.step else _pace(simulation.rate),
-        "sample": simulation.sample, "faults": list(simulation.faults),
+        "sample": simulation.sample, "faults": list(simulation.faults), "zones": served.zone_places() or None,
     }
 
 
@@ -113,9 +129,11 @@ def _pace(rate: float) -> str:
 def _lines(document: Mapping[str, Any]) -> str:
     sample = document["sample"]
     heater = "the model's heater" if sample is None else f"heater {sample} of the model set"
+    heater = heater if document["zones"] is None else f"the network of {len(document['zones'])} zones"
     lines = [f"virtual PLC: {document['target']} with the words of {document['directory']}, {heater} behind it"]
     for protocol, where in document["addresses"].items():
         lines.append(f"{protocol:8}{where['url']}  {_found(protocol, document)}")
+    lines += [f"zone    {zone['name']}: {', '.join(zone['urls'].values())}" for zone in document["zones"] or ()]
     lines += [f"fault   {fault}" for fault in document["faults"]]
     return "\n".join([*lines, f"scans   every {document['scan_s']:g} s, {document['pace']}; Ctrl-C ends it"])
 

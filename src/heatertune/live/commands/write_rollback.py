@@ -5,14 +5,16 @@ from __future__ import annotations
 import argparse
 import shlex
 from collections.abc import Iterator, Mapping
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from heatertune import options, report
 from heatertune.cli import printing
+from heatertune.codec import holds_zones
 from heatertune.errors import LinkError
 from heatertune.live.client.connection import address_of
-from heatertune.live.commands.record_watch import signals_as_ctrl_c
+from heatertune.live.commands.record_watch import add_zone_blocks, signals_as_ctrl_c, zones_of
 from heatertune.report.layout import table, wrap_text
 from heatertune.settings import SensorSettings
 from heatertune.units import check
@@ -56,6 +58,7 @@ def add_write(commands: Any) -> None:
     said.add_argument("--in-manual", action="store_true",
                       help="the controller is in manual and stays there: parameters are written in any order, without "
                            "watching")
+    add_zone_blocks(command)
     command.add_argument("--no-watch", action="store_true", help="do not watch the response")
     command.add_argument("--record", metavar="FILE", help="the record (default: DIR/write_TIME.jsonl)")
     printing.add_output_options(command, _run_write)
@@ -98,6 +101,9 @@ def _run_write(settings: argparse.Namespace) -> int:
     said = Declared(called_every_s=settings.called_every, range_degC=sensor.get("range_degC"),
                 as_exported=settings.as_exported, in_manual=settings.in_manual)
     address, link = address_of(settings.address), link_of(settings)
+    if holds_zones(settings.directory):
+        return int(import_module("heatertune.live.commands.zone_commands").write(settings, address, link, said))
+    zones_of(settings.directory, address, settings.zone_blocks)  # refuses the option
     progress = printing.Progress(settings)
     wanted = WriteRequest(proven_words=read_proven(settings.directory, progress), address=address, declared=said,
                           link=link, most_writes=settings.max_writes, watch=not settings.no_watch,
@@ -186,7 +192,7 @@ def add_rollback(commands: Any) -> None:
         description="Read the record of a heatertune write, compare it with the PLC, and report. With --apply, restore "
                     "those parameters that are still as written; what someone else has changed since stays.",
     )
-    command.add_argument("record", metavar="RECORD", help="file that heatertune write made")
+    command.add_argument("record", metavar="RECORD", help="file that heatertune write made; of zones, the folder")
     add_guard(command, "what is restored, as shown without --apply")
     command.add_argument("--unproven", action="store_true",
                          help="restore parameters without a proof (default: they are proven first)")
@@ -197,6 +203,8 @@ def _run_rollback(settings: argparse.Namespace) -> int:
     from heatertune.live.hold import Hold
     from heatertune.live.write.rollback import before_of, inspect_write, rolled_back
 
+    if Path(settings.record).is_dir():
+        return int(import_module("heatertune.live.commands.zone_commands").rollback(settings, link_of(settings)))
     before, link = before_of(settings.record), link_of(settings)
     document: dict[str, Any] = {
         "schema": "heatertune/rollback/1", "record": settings.record, "address": before.address.text,

@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
 from heatertune.codec import Document, data_folder, decode, read_document
 from heatertune.errors import ExportRefused, HeatertuneError, InputError, OutOfRange
@@ -28,13 +28,40 @@ from heatertune.proof.setpoint_ramp import prove_ramped
 from heatertune.proof.verdict import PROOF_SCHEMA, Acceptance, Coverage, derived_verdict, verdict_line
 from heatertune.settings import Conditions
 
-__all__ = ["LEAST_YES", "Check", "Declared", "ProvenWords", "checks", "interval_found", "read_proven", "refusal_reason"]
+__all__ = [
+    "LEAST_YES", "Check", "Declared", "ExpectedWords", "ProvenWords", "checks", "interval_found", "read_proven",
+    "refusal_reason",
+]
 
 
 #: digits of a digest that somebody has to type
 LEAST_YES: Final = 6
 #: of an order of writing, what each set of words in between has to keep: it may have to stay
 _IN_BETWEEN: Final = ("stability", "ms", "overflow")
+
+
+class ExpectedWords(Protocol):
+    """Words that are to be written, and what their proof expects of the PLC.
+
+    Attributes:
+        words: that are to be written.
+        setpoints_degC: of the proof [°C].
+        tolerance_degC: around them [°C].
+        ambient_degC: from which a setpoint ramp begins [°C].
+    """
+
+    @property
+    def words(self) -> Words:
+        """Words that are to be written."""
+    @property
+    def setpoints_degC(self) -> tuple[float, ...]:
+        """Setpoints of the proof [°C]."""
+    @property
+    def tolerance_degC(self) -> float:
+        """Tolerance around them [°C]."""
+    @property
+    def ambient_degC(self) -> float:
+        """Ambient of the proof [°C]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,6 +83,21 @@ class ProvenWords:
     view: ProofView
     fitted_model: FittedModel
     conditions: Conditions
+
+    @property
+    def setpoints_degC(self) -> tuple[float, ...]:
+        """Setpoints of the proof [°C]."""
+        return self.view.scenario.setpoints_degC
+
+    @property
+    def tolerance_degC(self) -> float:
+        """Tolerance around them [°C]."""
+        return self.view.limits.tolerance_degC
+
+    @property
+    def ambient_degC(self) -> float:
+        """Ambient of the proof [°C]."""
+        return self.view.scenario.ambient_degC or 0.0
 
     @property
     def digest(self) -> str:
@@ -193,7 +235,7 @@ class Check:
         return {"name": self.name, "ok": self.ok, "told": self.message, "option": self.option or None}
 
 
-def checks(proven: ProvenWords, standing: BlockImage, looks: tuple[BlockSnapshot, BlockSnapshot],
+def checks(proven: ExpectedWords, standing: BlockImage, looks: tuple[BlockSnapshot, BlockSnapshot],
            said: Declared) -> list[Check]:
     """Return what was looked at of a PLC.
 
@@ -211,7 +253,7 @@ def checks(proven: ProvenWords, standing: BlockImage, looks: tuple[BlockSnapshot
     ]
 
 
-def _block(proven: ProvenWords, standing: BlockImage, look: BlockSnapshot) -> Check:
+def _block(proven: ExpectedWords, standing: BlockImage, look: BlockSnapshot) -> Check:
     name = "block"
     try:
         check_fields(standing.controller.fields, standing.words(look.content, proven.words))
@@ -220,7 +262,7 @@ def _block(proven: ProvenWords, standing: BlockImage, look: BlockSnapshot) -> Ch
     return Check(name, True, f"{standing.controller.name}, {standing.block.description}")
 
 
-def _bits(proven: ProvenWords, standing: BlockImage, look: BlockSnapshot) -> Iterator[Check]:
+def _bits(proven: ExpectedWords, standing: BlockImage, look: BlockSnapshot) -> Iterator[Check]:
     """Yield words of one bit that are not as proven: none is written, as its byte holds what is others', too."""
     found = standing.bits(look.content)
     if other := [f"{name} is {value}; {proven.words.values[name]:g} was proven" for name, value in found.items()
@@ -254,7 +296,7 @@ def interval_found(standing: BlockImage, look: BlockSnapshot, said: Declared) ->
     return found, by
 
 
-def _interval(proven: ProvenWords, standing: BlockImage, look: BlockSnapshot, said: Declared) -> Check:
+def _interval(proven: ExpectedWords, standing: BlockImage, look: BlockSnapshot, said: Declared) -> Check:
     own = proven.words.sample_time_s
     found, by = interval_found(standing, look, said)
     if found is None:
@@ -263,7 +305,7 @@ def _interval(proven: ProvenWords, standing: BlockImage, look: BlockSnapshot, sa
     return Check("TA", same, f"{found:g} s, {by}" + ("" if same else f"; {own:g} s was proven"))
 
 
-def _range(proven: ProvenWords, said: Declared) -> Check:
+def _range(proven: ExpectedWords, said: Declared) -> Check:
     low, high = proven.words.scaling.sensor_degC
     if said.range_degC is None:
         return Check("sensor range", None, f"{low:g} to {high:g} °C was proven; no block holds it",
@@ -273,7 +315,7 @@ def _range(proven: ProvenWords, said: Declared) -> Check:
     return Check("sensor range", same, found if same else f"{found}; {low:g} to {high:g} °C was proven")
 
 
-def _program(proven: ProvenWords, said: Declared) -> Iterator[Check]:
+def _program(proven: ExpectedWords, said: Declared) -> Iterator[Check]:
     words = proven.words
     around = {"setpoint ramp": words.ramp, "boost": words.boost, f"input {words.scaling.input}": words.scaling.input}
     if missing := [name for name, there in around.items() if there is not None]:
@@ -291,7 +333,7 @@ def _mode(standing: BlockImage, look: BlockSnapshot, said: Declared) -> Check:
     return Check("mode", False, "automatic, not manual as said")
 
 
-def _reading(proven: ProvenWords, standing: BlockImage, look: BlockSnapshot) -> Check:
+def _reading(proven: ExpectedWords, standing: BlockImage, look: BlockSnapshot) -> Check:
     seen, scale = standing.signal(look.content, "temperature"), proven.words.scaling
     step = _COUNT * scale.span_degC / standing.controller.counts
     low, high = scale.low_degC, scale.high_degC
@@ -300,12 +342,12 @@ def _reading(proven: ProvenWords, standing: BlockImage, look: BlockSnapshot) -> 
                  f"; expected {low:g} to {high - step:.4g} °C: is the sensor's wire broken?"))
 
 
-def _setpoint(proven: ProvenWords, standing: BlockImage, look: BlockSnapshot) -> Check:
-    asked, found = proven.view.scenario.setpoints_degC, standing.signal(look.content, "setpoint")
-    around = proven.view.limits.tolerance_degC
+def _setpoint(proven: ExpectedWords, standing: BlockImage, look: BlockSnapshot) -> Check:
+    asked, found = proven.setpoints_degC, standing.signal(look.content, "setpoint")
+    around = proven.tolerance_degC
     low, high = min(asked) - around, max(asked) + around
     if proven.words.ramp is not None:  # it is led there from the reading
-        ambient = proven.view.scenario.ambient_degC or 0.0
+        ambient = proven.ambient_degC
         low, high = min(low, ambient), max(high, ambient)
     good = low <= found <= high
     return Check("setpoint", good, f"{found:.4g} °C" + ("" if good else

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from datetime import datetime
@@ -179,6 +180,9 @@ def not_proven(before: Before, present_values: Values) -> str:
     values = {name: value for name, value in {**present_values, **back}.items()
               if name in there.own and name not in there.block.operators}
     directory = str(before.lines.begin["directory"])
+    if "zone" in before.lines.begin:
+        return (f"zones are proven together: heatertune rollback {shlex.quote(str(before.lines.path.parent))} restores "
+                "all of them")
     try:
         proven = read_proven(directory)
         if proven.words.target != before.lines.begin["target"]:

@@ -138,7 +138,8 @@ class Writer:
     """
 
     def __init__(
-        self, peer: Peer, hold: Hold, record: WriteRecord, budget: Budget, progress: Callable[[str], object] = str
+        self, peer: Peer, hold: Hold, record: WriteRecord, budget: Budget, progress: Callable[[str], object] = str, *,
+        place: str = "",
     ) -> None:
         """Take a PLC.
 
@@ -148,7 +149,9 @@ class Writer:
             record: that every step goes into first.
             budget: that every write is counted in.
             progress: called with a sentence where something takes long.
+            place: address of the block in the hold's way back, where that has several.
         """
+        self._place = place
         self.peer, self.record, self._budget, self._progress = peer, record, budget, progress
         self._hold, self._clock = hold, peer.clock
         self._standing: BlockImage = peer.standing
@@ -359,7 +362,7 @@ class Writer:
         for part in change.parts:
             at = self._standing.at(part.start)
             if change.stored.keys() & set(part.names):
-                self._hold.add_own(part.start, look.content[at : at + len(part.after)])
+                self._hold.add_own(part.start, look.content[at : at + len(part.after)], self._place)
 
     def _decide(self, part: WritePart, problem: str, change: _Change) -> None:
         """Ask the PLC whether a part arrived; raise `_Stopped` where it did not."""

@@ -2,7 +2,7 @@
 
 A log may consist of segments: after a disturbance the heater is the same, but its state is estimated again. A jump is
 detected in the residuals of a fit, which knows power and time, so neither an edge of a fast heater nor a gap looks
-like one. A heater that stops responding while the power continues (fuse, contactor, wire) is detected as well.
+like one.
 
 Outliers are removed from the one-lag fit. On/off power that was logged slower than it switches is recognised: its rows
 are on or off by chance and are not the power that the heater received.
@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -23,8 +23,14 @@ from heatertune.errors import InputError
 from heatertune.log.log_values import MIN_SAMPLES, Log
 from heatertune.model.diagnostics import Remark
 from heatertune.model.model_values import Fopdt
-from heatertune.model.power.changed_heater import refuse_changed
-from heatertune.model.power.disturbance_fit import bic_of, is_sensible, refit_all, with_events, without_events
+from heatertune.model.power.changed_heater import (
+    is_impossible,
+    refuse_changed,
+    refuse_opened,
+    residual_share,
+    with_load_at_departure,
+)
+from heatertune.model.power.disturbance_fit import bic_of, refit_all, with_events, without_events
 from heatertune.model.power.feedback import WRONG_SIGN, demand_cause, explains, follows_temperature, is_feedback
 from heatertune.model.power.loss_fit import LossFit, leaves_noise
 from heatertune.model.power.nonlinear import Bend, judged_linear
@@ -35,7 +41,7 @@ from heatertune.model.statistics import replace_outliers, without_outliers
 
 __all__ = [
     "MOST", "CleanedFit", "Explanation", "Segments", "alias_of", "alias_remarks", "clean_log", "explain_log", "gaps",
-    "jumps", "opened_at_s", "part", "refuse_opened",
+    "jumps", "part",
 ]
 
 
@@ -198,6 +204,7 @@ def _named(instants: Array) -> str:
     return f"{named} and {len(instants) - _NAMED} more" if len(instants) > _NAMED else named
 
 
+_MUCH = 0.12  # of the span, that is left of a log that no heater explains
 _READINGS = 1000  # averaged, in the search; reported results are simulated at every reading
 _PASSES = 4  # of finding outliers
 _ROUNDS = 3  # of finding jumps: a large one hides others
@@ -306,124 +313,6 @@ def _fitted(problem: PowerProblem, readings_degC: Array, outliers: Places) -> Cl
     return CleanedFit(problem, readings_degC, outliers, thin, thin.fit())
 
 
-_OPEN_CIRCUIT_READINGS: Final = 300  # averaged
-_PREFIXES: Final = np.linspace(0.2, 0.95, 16)  # of the log
-_INSTANTS: Final = 60
-_EXPLAINED: Final = 0.98  # share of the variance, before the instant and over the whole log
-_WITHOUT: Final = 0.1  # of the squares that the power as logged leaves after the instant
-_BETTER: Final = 0.25  # of the squares that a heater leaves which answers all the time
-_ON: Final = 0.1  # of the highest power: less was no power to answer to
-_OPEN_CIRCUIT_FEWEST: Final = 10  # readings after the instant
-_GIVES_WAY: Final = 0.1  # of the span, that the temperature falls after it
-
-
-class _Opened(NamedTuple):
-    """An instant at which the power ends to act, and the sum of squares that it leaves over the whole log."""
-
-    instant_s: float
-    squares: float
-
-
-def refuse_opened(log: Log, problem: PowerProblem) -> None:
-    """Refuse a log whose heater stops responding, with the instant.
-
-    Args:
-        log: for its name.
-        problem: of one lag.
-
-    Raises:
-        InputError: it stops responding, see `opened_at_s`.
-    """
-    instant_s = opened_at_s(problem)
-    if instant_s is not None:
-        raise InputError(
-            f"{log.name}: the heater stops answering at t={instant_s:.4g} s: the power goes on, and the temperature "
-            "falls as without it (a fuse, a contactor, a thermal cut-out, a wire?); cut the log there: "
-            f"--until {instant_s:.4g}")
-
-
-def opened_at_s(problem: PowerProblem) -> float | None:
-    """Return the instant at which the heater stops responding permanently [s], or None.
-
-    A heater is fitted to the start of the log, with a free initial state and, as a loop near its setpoint hardly shows
-    ambient and gain apart, begun at rest. It has stopped if this fit continues to explain the log without power, and
-    leaves ten times larger residuals with the logged power.
-
-    Args:
-        problem: of one lag.
-    """
-    readings = replace(problem.readings, restart_s=np.empty(0))  # a heater that stops answering passes for a jump
-    thin = replace(problem, drift=False, loads_s=(), two_lags=True, readings=readings).average(_OPEN_CIRCUIT_READINGS)
-    tried = [opened for start in (thin, replace(thin, at_rest=True)) for share in _PREFIXES
-             if (opened := _after(start, float(share))) is not None]
-    best = min(tried, key=lambda opened: opened.squares, default=None)
-    if best is None:
-        return None
-    record = thin.readings.temperature_degC
-    always = [problem.fit() for problem in (thin, replace(thin, two_lags=False))]
-    least = min((float(np.sum((record - fit.simulated_degC) ** 2)) for fit in always if fit.model), default=np.inf)
-    return best.instant_s if best.squares < _BETTER * least else None
-
-
-def _after(problem: PowerProblem, share: float) -> _Opened | None:
-    """Return when a heater fitted to the first part of the log stops responding, or None."""
-    readings = problem.readings
-    time, record = readings.time_s, readings.temperature_degC
-    rows = time <= time[0] + share * float(np.ptp(time))
-    if np.count_nonzero(rows) < MIN_SAMPLES or np.count_nonzero(~rows) < _OPEN_CIRCUIT_FEWEST:
-        return None
-    begun = replace(problem, readings=_first(readings, rows))
-    if float(np.ptp(begun.readings.level_pct)) == 0.0 and problem.power_before_pct is None:
-        return None
-    fit = begun.fit()
-    if fit.model is None or not _explains(begun.readings.temperature_degC, fit.simulated_degC):
-        return None
-    if not is_sensible(begun, fit):
-        return None  # of a step down, this fit may hold what remains of the power for the room
-    instants = np.linspace(time[rows][len(time[rows]) // 2], time[-_OPEN_CIRCUIT_FEWEST], _INSTANTS)
-    squares = [float(np.sum((_without(problem, fit, instant) - record) ** 2)) for instant in instants]
-    place = int(np.argmin(squares))
-    instant, after = float(instants[place]), time > instants[place]
-    cut, kept = _without(problem, fit, instant), np.asarray(fit.linear @ problem.basis(fit.vector))
-    plain = float(np.sum((kept[after] - record[after]) ** 2))
-    left = float(np.sum((cut[after] - record[after]) ** 2))
-    falls = float(np.median(record[after][:3]) - np.median(record[-3:])) > _GIVES_WAY * float(np.ptp(record))
-    if left < _WITHOUT * plain and falls and _explains(record[after], cut[after]) and _is_on(readings, instant):
-        return _Opened(instant, squares[place])
-    return None
-
-
-def _first(readings: Readings, rows: npt.NDArray[np.bool_]) -> Readings:
-    """Return the first of the readings, shape of `rows` (n,), with the edges of the power until then."""
-    end = readings.time_s[rows][-1]
-    edges = readings.edge_s <= end
-    return replace(
-        readings, time_s=readings.time_s[rows], half_s=readings.half_s[rows],
-        temperature_degC=readings.temperature_degC[rows], edge_s=readings.edge_s[edges],
-        level_pct=readings.level_pct[edges])
-
-
-def _without(problem: PowerProblem, fit: PowerFit, instant_s: float) -> Array:
-    """Return the temperature where no power reaches the heater from an instant on, shape (n,) [°C]."""
-    readings = problem.readings
-    before = readings.edge_s < instant_s
-    edges, levels = np.append(readings.edge_s[before], instant_s), np.append(readings.level_pct[before], 0.0)
-    return np.asarray(fit.linear @ replace(
-        problem, power_before_pct=problem.power_before,
-        readings=replace(readings, edge_s=edges, level_pct=levels)).basis(fit.vector))
-
-
-def _is_on(readings: Readings, instant_s: float) -> bool:
-    """Return whether the power goes on after an instant."""
-    after = np.interp(readings.time_s, readings.edge_s, np.arange(len(readings.edge_s))).astype(np.intp)
-    levels = readings.level_pct[after][readings.time_s > instant_s]
-    return float(np.mean(levels)) > _ON * float(readings.level_pct.max())
-
-
-def _explains(record: Array, simulated: Array) -> bool:
-    return float(np.sum((record - simulated) ** 2)) < (1.0 - _EXPLAINED) * float(np.sum((record - record.mean()) ** 2))
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Explanation:
     """A log with power, the problems and fits of one lag and two, and the treatment of its readings.
@@ -505,27 +394,31 @@ def explain_log(
 
 def _search(log: Log, problem: PowerProblem, *, believed: bool) -> Explanation:
     """Return one lag and two, without the outliers, the start, the drift and the loads the log asks for."""
+    given = problem
     log, clean, notes = clean_log(log, problem)
     thin, fit = clean.problem, clean.fit
     alias = "" if believed else alias_of(log, thin, fit)
     doubt = "" if believed else _demand_cause(log, thin, fit, alias)
     two = replace(thin, two_lags=True)
     closed = is_feedback(log) or follows_temperature(log)
-    way = with_events([thin, two], [fit, _second(two, fit)], closed_loop=closed)
+    way = with_load_at_departure(
+        with_events([thin, two], [fit, _second(two, fit)], closed_loop=closed), thin)
     if doubt or way.problems[0].loads_s:
-        refuse_opened(log, thin)
+        refuse_opened(log, thin, way)
     if doubt and not doubt.startswith(WRONG_SIGN) and any(map(explains, *way)):
         doubt = ""
-    if doubt:
-        refuse_changed(log, thin)
+    if doubt or is_impossible(way):
+        refuse_changed(log, thin, given)
     (problems, fits), bend, untold, extended = judged_linear(without_events(way), way)
     if any(leaves_noise(fit.problems[0].readings, fit.simulations_degC[0]) for fit in extended):
         doubt = ""  # it was that of a heater with one lag
     if any(fit.model is None for fit in fits):
         refuse_opened(log, thin)
-        refuse_changed(log, thin)
+        refuse_changed(log, thin, given)
         raise InputError(f"{log.name}: no heater explains the log, as something else than the power moved its "
                          "temperature; log steps of the power from rest, each until it rests")
+    if not extended and bend is None and residual_share(thin.readings, fits) > _MUCH:
+        refuse_changed(log, thin)
     return Explanation(
         log=log, readings=clean.whole.readings, problems=problems, fits=fits, clean_temperature=clean.readings_degC,
         outliers=clean.outliers, notes=(*notes, *untold), alias=alias, bend=bend, doubt=doubt,

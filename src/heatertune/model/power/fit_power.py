@@ -41,6 +41,7 @@ from heatertune.model.power.candidates import (
     second_is_seen,
     widen_intervals,
 )
+from heatertune.model.power.changed_heater import ChangePeriod, load_period
 from heatertune.model.power.disturbance_fit import bic_of, edges_of
 from heatertune.model.power.explanation import Explanation, alias_remarks
 from heatertune.model.power.fit_checks import (
@@ -294,22 +295,23 @@ def _disturbed(log: Log, problem: PowerProblem, fit: PowerFit) -> list[str]:
     notes = []
     if problem.drift:
         notes.append(f"The ambient drifts by {3600.0 * fit.linear[DRIFT]:.2g} °C/h; the drift was fitted.")
-    for instant, size in zip(problem.loads_s, fit.linear[COLUMNS:], strict=False):
+    for place, size in enumerate(fit.linear[COLUMNS:COLUMNS + len(problem.loads_s)]):
+        period = load_period(problem, fit, place)
         notes.append(
-            f"At {instant:.4g} s an unlogged load, or a change of the heater, begins that "
+            f"At {period.message} an unlogged load, or a change of the heater, begins that "
             f"{'warms' if size > 0 else 'cools'} {log.name} by {abs(size):.2g} °C in the long run; it was fitted "
-            f"together with the power{_cut(log, fit.model, float(instant))}."
+            f"together with the power{_cut(log, fit.model, period)}."
         )
     return notes
 
 
-def _cut(log: Log, model: HeaterModel | None, instant_s: float) -> str:
+def _cut(log: Log, model: HeaterModel | None, period: ChangePeriod) -> str:
     """Return the option that leaves out a load, for a message, if enough of the log is before it to be fitted."""
     power = log.signals.get("power")
     if power is None or model is None or len(power.changes[0]) < 2:
         return ""
     least_s = power.changes[0][1] + model.dead_time_s + _CUT_TIMES * sum(model.lags_s)
-    return f" (--until {math.floor(instant_s)} leaves it out)" if instant_s > least_s else ""
+    return f" ({period.option} leaves it out)" if period.until_s > least_s else ""
 
 
 _CUT_TIMES: Final = 3.0  # time constants after the first step of the power

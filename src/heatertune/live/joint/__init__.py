@@ -1,0 +1,1 @@
+"""Several zones in one PLC: simulated, recorded, written and watched together."""

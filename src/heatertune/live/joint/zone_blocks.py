@@ -1,0 +1,100 @@
+"""Where the blocks of several zones are in one PLC: at equal distances, as the exported programs have them.
+
+The block of the first zone is at its controller's own number; each further zone has the number `BLOCKS_APART` higher
+or, over Modbus, registers `REGISTERS_APART` higher.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+from heatertune.errors import InputError
+from heatertune.live.block_memory import RegisterRange
+from heatertune.live.client.connection import Address, address_of
+from heatertune.live.controller_block import SERVED, ServedBlock, block_for
+from heatertune.plc import Words, controller_for
+
+__all__ = ["BLOCKS_APART", "REGISTERS_APART", "SPOKEN", "demand_served", "zone_addresses", "zone_registers"]
+
+#: numbers of blocks from one zone to the next
+BLOCKS_APART: Final = 10
+#: registers from one zone to the next
+REGISTERS_APART: Final = 100
+#: protocols over which zones are reached
+SPOKEN: Final = ("s7", "modbus")
+
+
+def demand_served(words: Sequence[Words]) -> list[ServedBlock]:
+    """Return the block of each zone as one controller alone has it.
+
+    Raises:
+        InputError: the blocks of the target are not known, or are not those of one PLC.
+    """
+    target = words[0].target
+    if target not in SERVED:
+        raise InputError(f"zones of {target}: which cells of a PLC hold their words is not known; {', '.join(SERVED)} "
+                         "are")
+    blocks = [block_for(controller_for(target), each, {}) for each in words]
+    if len(blocks[0].registers) > 1:
+        raise InputError(f"zones of {target}: each instrument is a device with an address of its own; use the folder "
+                         "of each zone")
+    return blocks
+
+
+def zone_registers(block: ServedBlock, zone: int) -> RegisterRange:
+    """Return the registers of a zone.
+
+    Raises:
+        InputError: its block is longer than the distance between two zones.
+    """
+    length = len(block.image()) // 2
+    if length > REGISTERS_APART:
+        raise InputError(f"zones over Modbus: a block of {length} registers is longer than the {REGISTERS_APART} of a "
+                         "zone; reach it over S7")
+    first = block.registers[0].first if block.registers else 0
+    return RegisterRange(first + REGISTERS_APART * zone, 0, length)
+
+
+def zone_addresses(address: Address, blocks: Sequence[ServedBlock], numbers: Sequence[int] = ()) -> list[Address]:
+    """Return the address of each zone's block.
+
+    Args:
+        address: of the first zone's block, or of the PLC.
+        blocks: as `demand_served` returns them.
+        numbers: of the data blocks, or first registers, of all zones; empty: at equal distances.
+
+    Raises:
+        InputError: a protocol that does not reach zones, or another number of numbers than zones.
+    """
+    _demand_reached(address, blocks[0])
+    if numbers and len(numbers) != len(blocks):
+        raise InputError(f"--zone-blocks: {len(numbers)} numbers for {len(blocks)} zones")
+    if len(set(numbers)) < len(numbers):
+        raise InputError("--zone-blocks: expected another number for each zone")
+    own, apart = (blocks[0].number, BLOCKS_APART) if address.protocol == "s7" else (0, REGISTERS_APART)
+    first = own if address.block is None else address.block
+    return [_at(address, place) for place in numbers or range(first, first + apart * len(blocks), apart)]
+
+
+def _demand_reached(address: Address, block: ServedBlock) -> None:
+    """Refuse an address over which zones are not reached; raise InputError."""
+    reached = [name for name in SPOKEN if name in block.speaks]
+    if address.protocol not in reached:
+        raise InputError(f"{address.text}: zones are reached over {' or '.join(reached)}, not over {address.protocol}")
+    if address.by_tsap:
+        raise InputError(f"{address.text}: zones are reached by rack and slot, not by TSAPs")
+
+
+def _at(address: Address, place: int) -> Address:
+    """Return the address of a block of the same PLC."""
+    if address.protocol == "s7":
+        text = f"s7://{_host(address)}:{address.port}/{address.way[0]}/{address.way[1]}/db{place}"
+    else:
+        text = f"modbus://{_host(address)}:{address.port}/{address.way[0]}/{place}"
+    return replace(address_of(text), heartbeat=address.heartbeat)
+
+
+def _host(address: Address) -> str:
+    return f"[{address.host}]" if ":" in address.host else address.host

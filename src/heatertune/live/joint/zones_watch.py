@@ -1,0 +1,302 @@
+"""Running zones compared with the limits that their joint proof keeps. Read only.
+
+At rest, every zone is within the tolerance of its setpoint. After a change (of any setpoint, and when the watch
+begins), each zone has as long as the slowest proven sequence takes to settle; until then it may be anywhere between
+where it was and its setpoint, and beyond both by the largest neighbour deviation and overshoot of a setpoint change in
+the proof; after a heat-up or from an unknown state also by its largest overshoot. A load (an open door) also leaves
+these limits.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from heatertune.errors import LinkError
+from heatertune.live.joint.zones_proof import ProvenZones
+from heatertune.live.poller import Snapshot, reading_problem
+from heatertune.live.write.plc_block import BlockSnapshot, Peer, runs
+from heatertune.plc import controller_for
+from heatertune.plc.ramp import Number
+from heatertune.units import count
+
+__all__ = ["ZoneWatchStats", "ZonesWatch", "ZonesWatchResult", "watch_zones"]
+
+#: criteria of the joint proof: overshoots as a share of the rise, and what a setpoint change moves
+_OVERSHOOTS: Final = ("overshoot [%]", "overshoot after a fault [%]", "overshoot after a load [%]")
+_MOVES: Final = ("neighbour deviation [°C]", "overshoot of a setpoint change [°C]")
+_IN_A_ROW: Final = 2  # readings outside that are more than a disturbed one
+_SAME_DEGC: Final = 1e-6
+_SIGMAS: Final = 3.0
+_SMALL: Final = 0.25  # of the rise from the ambient: up to there a zone settles as after a small change
+_STILL_S: Final = 5.0
+_STILL: Final = 4.0  # sampling intervals without a new scan: the CPU stands
+_APART: Final = 0.2  # of the time to settle; nearer stretches are one
+_DISTURBED: Final = 0.01  # of the readings: so many may be unusable
+
+
+@dataclass(slots=True, kw_only=True)
+class ZoneWatchStats:
+    """What a watch has seen of a zone.
+
+    Attributes:
+        zone: its name.
+        readings: compared with the limits.
+        unusable: readings that are no number, or outside the sensor's range.
+        unusable_in_a_row: the most of them one after the other.
+        problem: why the last of them was unusable.
+        outside: stretches outside the limits: from, until [s of the log].
+        limits: lowest and highest temperature now [°C].
+        used: largest share of the limits' half width.
+        temperature_degC: the latest reading [°C].
+    """
+
+    zone: str
+    readings: int = 0
+    unusable: int = 0
+    unusable_in_a_row: int = 0
+    problem: str = ""
+    outside: list[tuple[float, float]] = field(default_factory=list)
+    limits: tuple[float, float] | None = None
+    used: float = 0.0
+    temperature_degC: float = math.nan
+
+    @property
+    def well(self) -> bool:
+        """Whether there is nothing to report, and at least one reading was compared."""
+        usable = self.unusable_in_a_row < _IN_A_ROW and self.unusable <= _DISTURBED * self.readings
+        return self.readings > 0 and not self.outside and usable
+
+    def notes(self) -> tuple[str, ...]:
+        """Return what has to be reported, one sentence each."""
+        lines = [f"{count(self.unusable, 'reading')} could not be used: {self.problem}"] if self.unusable else []
+        return (*lines, *(f"from {begin:.6g} to {end:.6g} s outside the proven limits" for begin, end in self.outside))
+
+    def line(self) -> str:
+        """Return the zone on one line."""
+        if not self.readings:
+            return f"{self.zone}: nothing was seen" + (f"; {self.problem}" if self.problem else "")
+        state = "WELL" if self.well else "NOT WELL"
+        head = (f"{self.zone}: {state}, {self.readings} readings, last {self.temperature_degC:.4g} °C; at most "
+                f"{100.0 * self.used:.0f} % of the proven limits")
+        return "; ".join([head, *self.notes()])
+
+    def to_document(self) -> dict[str, object]:
+        """Return it as JSON holds it."""
+        return {"zone": self.zone, "well": self.well, "readings": self.readings, "unusable": self.unusable,
+                "outside_s": [list(each) for each in self.outside], "largest_share_of_limits": self.used,
+                "messages": list(self.notes())}
+
+
+class ZonesWatch:
+    """Takes looks at all zones in their order.
+
+    Attributes:
+        zones: what was seen of each zone.
+        settle_s: longest time to settle after a small change [s].
+        heat_s: longest time to settle after a heat-up [s].
+    """
+
+    def __init__(self, proven: ProvenZones) -> None:
+        """Compare with a proof."""
+        design, proof = proven.design, proven.proof
+        network, words = design.fitted.network, design.words[0]
+        self.zones = tuple(ZoneWatchStats(zone=zone) for zone in design.zones)
+        self._sensor_degC = words.scaling.sensor_degC
+        step = words.scaling.span_degC / controller_for(words.target).sensor(words.scaling).counts
+        noise = max(step, *(_SIGMAS * each for each in (design.conditions.noise_degC, *design.fitted.noise_degC)))
+        worst = {each.name: each.value for each in proof.criteria}
+        share = 0.01 * max(worst.get(name, 0.0) for name in _OVERSHOOTS)
+        moved = max(worst.get(name, 0.0) for name in _MOVES)
+        self._rest_degC = design.specification.limits.tolerance_degC + noise
+        rises = np.array(design.specification.setpoints_degC) - np.array(network.ambients_degC)
+        self._rises_degC = [max(float(rise), 1.0) for rise in rises]
+        self._small_degC = self._rest_degC + max(moved, 0.0)
+        self._beyond_degC = [self._small_degC + max(share, 0.0) * rise for rise in self._rises_degC]
+        self._is_small = False  # the latest change, from rest
+        self.settle_s, self.heat_s = proof.settle_s, proof.heat_s
+        self._since_s, self._settles_s = math.nan, 0.0
+        self._from: list[float] = []
+        self._asked: list[float] = []
+        self._rows = [0] * len(self.zones)
+        self._unusable = [0] * len(self.zones)
+        self.seconds = 0.0
+        self._first_s = math.nan
+
+    def see(self, look: Snapshot) -> str:
+        """Take a look; return why a zone is outside its limits for several readings; empty where none is."""
+        seen = [look.signals[f"{each.zone} temperature"] for each in self.zones]
+        asked = [look.signals[f"{each.zone} setpoint"] for each in self.zones]
+        self._first_s = look.time_s if math.isnan(self._first_s) else self._first_s
+        self.seconds = look.time_s - self._first_s
+        usable = [self._is_usable(zone, degC, setpoint) for zone, (degC, setpoint) in enumerate(
+            zip(seen, asked, strict=True))]
+        if all(usable):
+            self._note_change(look, seen, asked)
+        if not self._asked:
+            return self._unusable_reason()
+        found = [self._compare(zone, stats, look.time_s, seen[zone])
+                 for zone, stats in enumerate(self.zones) if usable[zone]]
+        return next(filter(None, found), self._unusable_reason())
+
+    def _note_change(self, look: Snapshot, readings: list[float], setpoints: list[float]) -> None:
+        """Take note of where all zones are when a setpoint changes, and at the begin."""
+        if self._asked and np.allclose(setpoints, self._asked, rtol=0.0, atol=_SAME_DEGC) and not look.restarted:
+            return
+        far = bool(np.any(np.abs(np.subtract(readings, setpoints)) > _SMALL * np.array(self._rises_degC)))
+        left_s = self._since_s + self._settles_s - look.time_s  # no number at the begin
+        self._is_small = left_s <= 0.0 and not (far or look.restarted)
+        self._since_s = look.time_s
+        self._settles_s = (self.heat_s if far else self.settle_s) + max(0.0, left_s)
+        self._from, self._asked = readings, setpoints
+
+    def _compare(self, zone: int, stats: ZoneWatchStats, time_s: float, degC: float) -> str:
+        setpoint = self._asked[zone]
+        if time_s - self._since_s > self._settles_s:
+            low, high = setpoint - self._rest_degC, setpoint + self._rest_degC
+        else:
+            low, high = sorted((self._from[zone], setpoint))
+            beyond = self._small_degC if self._is_small else self._beyond_degC[zone]
+            low, high = low - beyond, high + beyond
+        stats.limits, stats.temperature_degC = (low, high), degC
+        used = abs(2.0 * degC - low - high) / (high - low)
+        stats.readings, stats.used = stats.readings + 1, max(stats.used, used)
+        self._rows[zone] = 0 if used <= 1.0 else self._rows[zone] + 1
+        if self._rows[zone] < _IN_A_ROW:
+            return ""
+        if stats.outside and time_s - stats.outside[-1][1] < _APART * self.settle_s:
+            stats.outside[-1] = stats.outside[-1][0], time_s
+        else:
+            stats.outside.append((time_s, time_s))
+        return f"zone {stats.zone}: {degC:.4g} °C is outside the proven limits, {low:.4g} to {high:.4g} °C"
+
+    def _is_usable(self, zone: int, degC: float, setpoint: float) -> bool:
+        problem = reading_problem(degC, self._sensor_degC)
+        problem = problem or ("" if math.isfinite(setpoint) else "the setpoint is not a number")
+        self._unusable[zone] = self._unusable[zone] + 1 if problem else 0
+        if problem:
+            stats = self.zones[zone]
+            stats.unusable, stats.problem = stats.unusable + 1, problem
+            stats.unusable_in_a_row = max(stats.unusable_in_a_row, self._unusable[zone])
+        return not problem
+
+    def _unusable_reason(self) -> str:
+        return next((f"zone {stats.zone}: {stats.problem}" for stats, row in zip(
+            self.zones, self._unusable, strict=True) if row >= _IN_A_ROW), "")
+
+    def short(self) -> str:
+        """Return the temperatures of all zones, and the first that is not well, a few words."""
+        warm = "".join(f", {each.zone} {each.temperature_degC:.4g} °C" for each in self.zones if each.readings)
+        bad = next((each.line() for each in self.zones if each.readings and not each.well), "")
+        return f"{warm} NOT WELL: {bad}" if bad else warm
+
+    @property
+    def well(self) -> bool:
+        """Whether there is nothing to report of any zone."""
+        return all(each.well for each in self.zones)
+
+
+@dataclass(frozen=True, slots=True)
+class ZonesWatchResult:
+    """How the watch of a write ended.
+
+    Attributes:
+        outside: why the words have to be taken back, a sentence; empty where they need not.
+        ended_early: why it was not watched to its end; empty where it was.
+        seconds: that were watched, of the plant [s].
+        count: of looks at all zones.
+        most: the largest share of the limits that a zone used.
+    """
+
+    outside: str
+    ended_early: str
+    seconds: float
+    count: int
+    most: float
+
+
+def watch_zones(
+    peers: Sequence[Peer], proven: ProvenZones, expected: Sequence[Mapping[str, Number]],
+    progress: Callable[[str], object] = str,
+) -> ZonesWatchResult:
+    """Watch the response of all zones to words that were written, until the longest time to settle is over twice.
+
+    Args:
+        peers: the block of each zone.
+        proven: whose limits count.
+        expected: all words of each zone, as they were written.
+        progress: called with how far it is.
+    """
+    response = _Response(peers, proven, expected)
+    try:
+        while not response.is_over:
+            outside, early = response.look()
+            if outside or early:
+                return response.ended(outside, early)
+            progress(response.progress)
+            peers[0].pause()
+    except LinkError as problem:
+        return response.ended("", str(problem))
+    except KeyboardInterrupt:
+        return response.ended("", "interrupted")
+    return response.ended("", response.unsure())
+
+
+class _Response:
+    """The response to a write, while it is watched."""
+
+    def __init__(self, peers: Sequence[Peer], proven: ProvenZones, expected: Sequence[Mapping[str, Number]]) -> None:
+        self._peers, self._expected, self._watch = peers, expected, ZonesWatch(proven)
+        self._looks, self._moved_s, self._last_s = 0, peers[0].clock.now_s(), math.nan
+        self._duration_s = 2.0 * self._watch.settle_s
+        self._still_s = max(_STILL_S, _STILL * proven.design.words[0].sample_time_s)
+
+    @property
+    def is_over(self) -> bool:
+        """Whether it was watched for long enough."""
+        return self._watch.seconds >= self._duration_s
+
+    @property
+    def progress(self) -> str:
+        """How far it is."""
+        return f"all zones within the proven limits, {self._watch.seconds:.0f} of {self._duration_s:.0f} s"
+
+    def look(self) -> tuple[str, str]:
+        """Look at all zones; return why their words have to be taken back, and why the watch ends early; empty: not.
+
+        Raises:
+            LinkError: a zone cannot be read.
+        """
+        looks = [peer.look() for peer in self._peers]
+        if changed := self._changed(looks):
+            return "", f"somebody has changed the words: {changed}"
+        if runs(looks[-1]) is False:
+            return "", "the CPU is in STOP"
+        now_s, time_s = self._peers[0].clock.now_s(), looks[-1].time_s
+        if time_s == self._last_s:
+            return "", "the CPU runs no scan" if now_s - self._moved_s > self._still_s else ""
+        self._moved_s, self._last_s, self._looks = now_s, time_s, self._looks + 1
+        signals = {f"{zone.zone} {role}": peer.standing.signal(look.content, role) for zone, peer, look in zip(
+            self._watch.zones, self._peers, looks, strict=True) for role in ("temperature", "setpoint")}
+        return self._watch.see(Snapshot(time_s, signals)), ""
+
+    def _changed(self, looks: Sequence[BlockSnapshot]) -> str:
+        """Return which words are not as they were written; empty where all are."""
+        return ", ".join(f"{name} at {peer.address.text}"
+                         for peer, look, words in zip(self._peers, looks, self._expected, strict=True)
+                         for name in peer.standing.own if look.values[name] != words[name])
+
+    def unsure(self) -> str:
+        """Return why the whole watch shows nothing; empty where it shows that the words do well."""
+        unusable = sum(each.unusable for each in self._watch.zones)
+        few = unusable <= _DISTURBED * self._looks * len(self._peers)
+        return "" if few else f"{count(unusable, 'reading')} could not be used"
+
+    def ended(self, outside: str, early: str) -> ZonesWatchResult:
+        """Return the end."""
+        most = max(each.used for each in self._watch.zones)
+        return ZonesWatchResult(outside, early, self._watch.seconds, self._looks, most)

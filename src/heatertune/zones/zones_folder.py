@@ -1,0 +1,257 @@
+"""The document of a design of zones, `data/zones.json`, with all that a repetition of the proof needs.
+
+The digest shows that the file is whole, not who wrote it. So before words are written into a PLC, they are tuned again
+from the recorded network and proven again under the recorded conditions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from heatertune.codec import ZONES_FILE, Document, decode, encode, plain, read_document
+from heatertune.errors import DocumentError, ExportRefused, InputError
+from heatertune.model.findings import Finding
+from heatertune.plc import Scaling, Words, controller_for
+from heatertune.plc.pwm import Actuator
+from heatertune.plc.words import check_fields
+from heatertune.proof.proof_document import digest_of, with_digest
+from heatertune.proof.repetition import recorded_conditions
+from heatertune.settings import Conditions
+from heatertune.zones.identify import FittedNetwork, ParameterLayout
+from heatertune.zones.joint_loop import ZoneLoop
+from heatertune.zones.joint_proof import JointProof, ZoneSpecification, prove_zones
+from heatertune.zones.joint_tuning import JointTuner
+from heatertune.zones.network import ThermalNetwork
+
+__all__ = ["ZonesDesign", "prove_again", "read_zones_design", "to_document"]
+
+SCHEMA: Final = "heatertune/zones/2"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NetworkRecord:
+    """A fitted network as a document holds it; see `heatertune.zones.network` and `FittedNetwork` for the fields."""
+
+    gains_degC_per_pct: tuple[float, ...]
+    time_constants_s: tuple[float, ...]
+    dead_times_s: tuple[float, ...]
+    ambients_degC: tuple[float, ...]
+    second_time_constants_s: tuple[float, ...]
+    exchange: tuple[tuple[float, ...], ...]
+    pairs: tuple[tuple[int, int], ...]
+    second: bool
+    values: tuple[float, ...]
+    covariance: tuple[tuple[float, ...], ...]
+    late_s: float
+    noise_degC: tuple[float, ...]
+    interval_s: float
+    log: str
+    findings: tuple[Finding, ...]
+    setpoints_degC: tuple[float, ...] | None
+    highest_degC: tuple[float, ...] | None
+
+    @classmethod
+    def from_fitted(cls, fitted: FittedNetwork) -> NetworkRecord:
+        """Return the record of a fitted network."""
+        network = fitted.network
+        return cls(
+            gains_degC_per_pct=network.gains_degC_per_pct, time_constants_s=network.time_constants_s,
+            dead_times_s=network.dead_times_s, ambients_degC=network.ambients_degC,
+            second_time_constants_s=network.second_time_constants_s,
+            exchange=tuple(map(tuple, network.exchange.tolist())), pairs=fitted.layout.pairs,
+            second=fitted.layout.second, values=tuple(fitted.values.tolist()),
+            covariance=tuple(map(tuple, fitted.covariance.tolist())), late_s=fitted.late_s,
+            noise_degC=fitted.noise_degC, interval_s=fitted.interval_s, log=fitted.log, findings=fitted.findings,
+            setpoints_degC=fitted.setpoints_degC, highest_degC=fitted.highest_degC)
+
+    def to_fitted(self, zones: tuple[str, ...]) -> FittedNetwork:
+        """Return the fitted network; raise InputError where the numbers are of another number of zones."""
+        network = ThermalNetwork(
+            zones=zones, gains_degC_per_pct=self.gains_degC_per_pct, time_constants_s=self.time_constants_s,
+            dead_times_s=self.dead_times_s, ambients_degC=self.ambients_degC,
+            exchange=np.array(self.exchange), second_time_constants_s=self.second_time_constants_s)
+        layout = ParameterLayout(len(zones), self.pairs, self.second)
+        size = len(zones) * layout.per_zone + len(self.pairs)
+        if len(self.values) != size or [len(row) for row in self.covariance] != [size] * size:
+            raise InputError(f"network: expected {size} values and their covariance")
+        return FittedNetwork(
+            network=network, layout=layout, values=np.array(self.values), covariance=np.array(self.covariance),
+            late_s=self.late_s, noise_degC=self.noise_degC, findings=self.findings, log=self.log,
+            interval_s=self.interval_s, setpoints_degC=self.setpoints_degC, highest_degC=self.highest_degC)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ZonesProvenance:
+    """What a design of zones was made of.
+
+    Attributes:
+        structure: "pi" or "pid".
+        ms_zones: Ms that each zone was tuned for.
+        scaling: sensor range of all zones.
+        sample_time_s: interval of the controllers [s].
+        actuator: of each zone.
+        network: the heaters.
+        specification: what the zones must keep.
+        conditions: of the proof.
+    """
+
+    structure: str
+    ms_zones: tuple[float, ...]
+    scaling: Scaling
+    sample_time_s: float
+    actuator: Actuator
+    network: NetworkRecord
+    specification: ZoneSpecification
+    conditions: Conditions
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ZonesDesign:
+    """A design of zones as its folder holds it.
+
+    Attributes:
+        directory: the folder.
+        verdict: of the joint proof, as it was written.
+        digest: of the document, its hexadecimal digits.
+        words: of each zone.
+        offsets_s: begin of each zone's PWM period after that of the first [s].
+        fitted: the heaters.
+        provenance: what the design was made of.
+        settle_s: time after which all zones are at rest [s].
+    """
+
+    directory: str
+    verdict: str
+    digest: str
+    words: tuple[Words, ...]
+    offsets_s: tuple[float, ...]
+    fitted: FittedNetwork
+    provenance: ZonesProvenance
+    settle_s: float
+
+    @property
+    def zones(self) -> tuple[str, ...]:
+        """Names of the zones."""
+        return self.fitted.network.zones
+
+    @property
+    def pwm_period_s(self) -> float:
+        """PWM period of each zone [s]."""
+        return ZoneLoop(words=self.words, actuator=self.provenance.actuator, offsets_s=self.offsets_s).period_s
+
+    @property
+    def specification(self) -> ZoneSpecification:
+        """What the zones must keep."""
+        return self.provenance.specification
+
+    @property
+    def conditions(self) -> Conditions:
+        """Conditions of the proof."""
+        return self.provenance.conditions
+
+
+def to_document(proof: JointProof) -> Mapping[str, object]:
+    """Return the network, the words of all zones and their proof as a JSON document, its digest last."""
+    fitted, network = proof.fitted, proof.fitted.network
+    provenance = ZonesProvenance(
+        structure=proof.design.structure, ms_zones=proof.design.ms_zones, scaling=proof.words[0].scaling,
+        sample_time_s=proof.words[0].sample_time_s, actuator=proof.actuator, network=NetworkRecord.from_fitted(fitted),
+        specification=proof.specification, conditions=recorded_conditions(proof.conditions))
+    return with_digest({
+        "schema": SCHEMA,
+        "verdict": proof.verdict,
+        "target": proof.words[0].target,
+        "zones": [{
+            "name": zone, "setpoint_degC": proof.specification.setpoints_degC[number],
+            "gain_degC_per_pct": network.gains_degC_per_pct[number],
+            "time_constant_s": network.time_constants_s[number],
+            "second_time_constant_s": network.second_time_constants_s[number],
+            "dead_time_s": network.dead_times_s[number], "ambient_degC": network.ambients_degC[number],
+            "fit_pct": fitted.fit_pct[number] if fitted.fit_pct else None,
+            "words": dict(proof.words[number].values), "pwm_offset_s": proof.offsets_s[number],
+        } for number, zone in enumerate(network.zones)],
+        "exchange": [list(map(float, row)) for row in network.exchange],
+        "shown_couplings": dict(fitted.couplings),
+        "ci95": {name: [interval.low, interval.high] for name, interval in fitted.ci95.items()},
+        "sample_time_s": proof.words[0].sample_time_s,
+        "range_degC": list(proof.words[0].scaling.sensor_degC),
+        "criteria": [plain({"name": each.name, "value": each.value, "limit": each.limit, "ok": each.ok,
+                            "where": each.where}) for each in proof.criteria],
+        "findings": [{"name": each.name, "message": each.message, "accepted": each.name in proof.accepted}
+                     for each in proof.findings],
+        "runs": list(proof.runs),
+        "not_tested": list(proof.not_tested),
+        "peak_heaters": proof.peak_heaters, "peak_kw": proof.peak_kw, "heaters_bound": proof.heaters_bound,
+        "bound_share": proof.bound_share, "settle_s": proof.settle_s, "heat_s": proof.heat_s,
+        "provenance": encode(provenance),
+    })
+
+
+def read_zones_design(directory: str | Path) -> ZonesDesign:
+    """Return a design of zones.
+
+    Raises:
+        DocumentError: the folder has no such design, or it was changed since it was written.
+    """
+    path = Path(directory) / ZONES_FILE
+    document = read_document(path, SCHEMA)
+    if document.get("digest") != digest_of({name: value for name, value in document.items() if name != "digest"}):
+        raise DocumentError(f"{path}: digest: the file was changed since it was written; design the zones again")
+    try:
+        provenance = decode(ZonesProvenance, document["provenance"], path, "provenance")
+        zones = tuple(str(each["name"]) for each in document["zones"])
+        words = tuple(_words(document, each, provenance) for each in document["zones"])
+        offsets = tuple(float(each["pwm_offset_s"]) for each in document["zones"])
+        _demand_all(provenance, len(zones))
+        return ZonesDesign(
+            directory=str(directory), verdict=str(document["verdict"]),
+            digest=str(document["digest"]).partition(":")[2], words=words, offsets_s=offsets,
+            fitted=provenance.network.to_fitted(zones), provenance=provenance, settle_s=float(document["settle_s"]))
+    except (KeyError, TypeError, ValueError, InputError) as problem:
+        raise DocumentError(f"{path}: {problem}: no whole design of zones; design them again") from None
+
+
+def _demand_all(provenance: ZonesProvenance, zones: int) -> None:
+    """Refuse setpoints or Ms of another number of zones; raise InputError."""
+    if not zones == len(provenance.specification.setpoints_degC) == len(provenance.ms_zones):
+        raise InputError(f"expected setpoints and Ms of {zones} zones")
+
+
+def _words(document: Document, zone: Document, provenance: ZonesProvenance) -> Words:
+    """Return the words of a zone; raise KeyError, TypeError, ValueError or InputError where they are none."""
+    controller = controller_for(str(document["target"]))
+    values = {field.name: zone["words"][field.name] for field in controller.fields}
+    check_fields(controller.fields, words := Words(
+        target=controller.name, values=values, scaling=provenance.scaling, sample_time_s=provenance.sample_time_s))
+    return words
+
+
+def prove_again(design: ZonesDesign) -> JointProof:
+    """Tune and prove the words of a folder again, from the recorded network and conditions.
+
+    Raises:
+        ExportRefused: the verdict is not PASS, or the folder has other words than the design makes.
+        InputError, OutOfRange, UnknownName: as `heatertune.zones.joint_proof.prove_zones`.
+    """
+    made, path = design.provenance, Path(design.directory) / ZONES_FILE
+    if design.verdict != "PASS":
+        raise ExportRefused(f"{path}: the joint proof is {design.verdict}; only words that pass are written")
+    tuner = JointTuner(design.fitted, design.words[0].target, scaling=made.scaling, structure=made.structure,
+                       sample_time_s=made.sample_time_s)
+    again = tuner.design_for(made.ms_zones)
+    for zone, own, words in zip(design.zones, design.words, again.words, strict=True):
+        if dict(own.values) != dict(words.values):
+            raise ExportRefused(f"{path}: zone {zone}: its design makes other words than the file has, so it was "
+                                "changed; design the zones again")
+    proof = prove_zones(again, design.fitted, made.specification, made.conditions)
+    if proof.verdict != "PASS":
+        raise ExportRefused(f"{path}: {proof.summary().splitlines()[0]}; only words that pass are written")
+    if proof.offsets_s != design.offsets_s or proof.actuator != made.actuator:
+        raise ExportRefused(f"{path}: the proof has another PWM than the file, so it was changed; design the zones "
+                            "again")
+    return proof
