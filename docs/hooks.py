@@ -20,7 +20,7 @@ from heatertune.plc import GROUPS, TARGETS, controller_for
 from heatertune.plc.targets import commissioning
 from heatertune.proof.criteria import CRITERIA, LIMITS
 from heatertune.proof.event_table import CONDITIONS, EVENTS, EXCLUDED, NOT_RUN
-from heatertune.terms import TERMS, GlossaryTerm
+from heatertune.units import TERMS, GlossaryTerm
 
 SOURCE = Path(__file__).parents[1] / "src" / "heatertune"
 COMMON = "common"

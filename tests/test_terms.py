@@ -7,7 +7,7 @@ import pytest
 from heatertune.cli import main
 from heatertune.errors import InputError
 from heatertune.report.page import glossary
-from heatertune.terms import TERMS, terms_in, the_term
+from heatertune.units import TERMS, terms_in, the_term
 
 
 def test_every_term_has_a_place_of_its_own_and_a_meaning():

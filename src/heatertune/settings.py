@@ -348,7 +348,7 @@ class Conditions:
         pwm_period_s: None: TA in parts up to 10 s.
         pwm_resolution_s: None: a tick of the target's clock, see `heatertune.plc.pwm.tick_for`.
         limit_degC: None: the end of the sensor range.
-        spec: a preset's name or a specification's file; None: the general one, see `heatertune.proof.spec_file`.
+        spec: a preset's name or a specification's file; None: the general one, see `heatertune.proof.specification`.
         profile: file of ramps and soaks, see `heatertune.proof.profile`; None: the specification's, if it has one.
         limit: limits of one's own, NAME=VALUE; several of one name hold together.
         tolerance_degC, step_power_pct: likewise, by their names; None: the specification's.

@@ -41,8 +41,7 @@ from heatertune.pid.sampled_loop import margins
 from heatertune.plc import Boost, Scaling, controller_for
 from heatertune.proof import Acceptance, Coverage, prove_models
 from heatertune.proof.prove_words import actuator_for, course_for, limits_of
-from heatertune.proof.spec_file import specification_of
-from heatertune.proof.specification import PRESETS
+from heatertune.proof.specification import PRESETS, specification_of
 from heatertune.settings import Conditions
 from tests.bench.close_calls import apart, by_a_hair, differ, named
 from tests.bench.second_opinion import (

@@ -40,7 +40,7 @@ from heatertune.proof.heaters import labelled_heaters
 from heatertune.proof.prove_words import actuator_for, course_for, limits_of
 from heatertune.proof.redesign import find_passing_design
 from heatertune.proof.redesign.design_changes import more_iae
-from heatertune.proof.spec_file import specification_of
+from heatertune.proof.specification import specification_of
 from heatertune.settings import Conditions
 from tests.bench.passes import _STEPS, case
 

@@ -16,8 +16,8 @@ from heatertune.cli.command_table import read_settings
 from heatertune.live.controller_block import places_in
 from heatertune.model.findings import KINDS
 from heatertune.plc import TARGETS
-from heatertune.proof.spec_file import read_spec
-from heatertune.terms import TERMS
+from heatertune.proof.specification import read_spec
+from heatertune.units import TERMS
 
 RUNNING = [page for page in PAGES if page != OVERVIEW and blocks((DOCS / page).read_text(encoding="utf-8"))]
 #: these need the fit of the paper's log, so they run in one process, which keeps it

@@ -38,7 +38,7 @@ from heatertune.plc import Scaling, controller_for
 from heatertune.proof import Acceptance, Actuator, Scenario, prove_models
 from heatertune.proof.proof_document import check_document
 from heatertune.proof.nearest_specification import limits_above, physical_help
-from heatertune.proof.spec_file import in_force, spec_text
+from heatertune.proof.specification import in_force, spec_text
 from heatertune.report.verdict_summary import verify_brief
 
 design = PidDesign(gain_pct_per_degC=4.0, integral_time_s=150.0, derivative_time_s=0.0, sample_time_s=1.0, structure="pi", method="")

@@ -27,7 +27,7 @@ from heatertune.proof import (
 from heatertune.proof.profile import Profile, Segment, read_profile
 from heatertune.proof.proof_document import check_document
 from heatertune.proof.scenario import PlcPower, Scenario, SetpointRampEvent, delay_heater, kinds_of, phases_of
-from heatertune.proof.spec_file import in_force, read_spec, spec_text
+from heatertune.proof.specification import in_force, read_spec, spec_text
 from heatertune.proof.test_sequence import LoopTiming
 from heatertune.proof.verdict import told_of, verdict_line
 

@@ -13,8 +13,15 @@ from hypothesis import strategies as st
 from heatertune.errors import DocumentError, HeatertuneError, InputError, OutOfRange, UnknownName
 from heatertune.proof.criteria import LIMITS, LoopLimits
 from heatertune.proof.prove_words import told_of_aim, tune_settings_for
-from heatertune.proof.spec_file import in_force, read_spec, spec_text, specification_of
-from heatertune.proof.specification import PRESETS, limits_from, preset
+from heatertune.proof.specification import (
+    PRESETS,
+    in_force,
+    limits_from,
+    preset,
+    read_spec,
+    spec_text,
+    specification_of,
+)
 from heatertune.proof.test_sequence import TestSequence
 from heatertune.settings import Conditions, TuneSettings
 

@@ -17,8 +17,7 @@ from heatertune.plc.open_points import settings_to_prove
 from heatertune.proof import Acceptance, Actuator, Criterion, LoopLimits, paper_scenario, prove_models
 from heatertune.proof.criteria import CriterionColumn, worst_of
 from heatertune.proof.ripple_and_wear import life
-from heatertune.proof.spec_file import in_force
-from heatertune.proof.specification import GENERAL, PRESETS, preset, relaxed_limits
+from heatertune.proof.specification import GENERAL, PRESETS, in_force, preset, relaxed_limits
 from heatertune.proof.verdict import (
     FitDiagnostics,
     FitDiagnosticsView,

@@ -17,7 +17,7 @@ from heatertune.log.log_values import Log
 from heatertune.model.model_values import model_by_hand
 from heatertune.plc import TARGETS, controller_for
 from heatertune.plc.targets import commissioning
-from heatertune.proof.spec_file import in_force
+from heatertune.proof.specification import in_force
 from heatertune.report import render
 from heatertune.report.html import panels, panels_json, table, text_of, tick, with_code
 from heatertune.report.page import head, record, specification

@@ -31,7 +31,7 @@ from heatertune.proof import Proof
 from heatertune.proof.criteria import CRITERIA
 from heatertune.proof.redesign import DesignRequest
 from heatertune.proof.redesign.on_samples import closed_on_samples
-from heatertune.proof.spec_file import specification_of
+from heatertune.proof.specification import specification_of
 from heatertune.proof.text_comparison import as_exported
 from heatertune.proof.verdict import samples_told
 from heatertune.settings import FitSettings, ReadSettings

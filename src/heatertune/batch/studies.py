@@ -28,7 +28,7 @@ from heatertune.plc import NAMES, Scaling, controller_for
 from heatertune.plc.open_points import settings_of
 from heatertune.proof.profile import read_profile
 from heatertune.proof.redesign import DesignRequest
-from heatertune.proof.spec_file import in_force
+from heatertune.proof.specification import in_force
 from heatertune.settings import Conditions, FitSettings, SampleSettings, SensorSettings, TuneSettings, WordSettings
 from heatertune.writing import read_bytes
 

@@ -343,7 +343,7 @@ def conditions(settings: argparse.Namespace) -> Conditions:
         UnknownName: no such limit, specification, finding to accept, open point or setting.
         DocumentError: a file of a specification or profile that cannot be read.
     """
-    from heatertune.proof.spec_file import specification_of
+    from heatertune.proof.specification import specification_of
     from heatertune.proof.verdict import FitDiagnostics
 
     given = options.of(Conditions, settings)

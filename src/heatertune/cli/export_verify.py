@@ -246,7 +246,7 @@ def _proven(settings: argparse.Namespace) -> dict[str, Any]:
     """
     from heatertune.cache import load_or_compute, release
     from heatertune.model import model_document
-    from heatertune.proof.spec_file import specification_of
+    from heatertune.proof.specification import specification_of
 
     progress = printing.Progress(settings)
     asked = proof_source(settings)

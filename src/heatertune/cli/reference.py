@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from heatertune.bench import Throughput, Times
     from heatertune.doctor import InstallationCheck
     from heatertune.pid.design_values import Timer
-    from heatertune.terms import GlossaryTerm
+    from heatertune.units import GlossaryTerm
 
 __all__ = [
     "BENCH_EXAMPLE", "COMPLETION_EXAMPLE", "DOCTOR_EXAMPLE", "SPEC_EXAMPLE", "TARGETS_EXAMPLE", "TERMS_EXAMPLE",
@@ -45,7 +45,7 @@ def add_terms(commands: Any) -> None:
 
 
 def _run_terms(settings: argparse.Namespace) -> int:
-    from heatertune.terms import TERMS, the_term
+    from heatertune.units import TERMS, the_term
 
     chosen = tuple(map(the_term, settings.term)) or TERMS
     document = {"schema": "heatertune/terms/1", "terms": [dataclasses.asdict(term) for term in chosen]}
@@ -78,8 +78,7 @@ def add_spec(commands: Any) -> None:
 
 
 def _run_spec(settings: argparse.Namespace) -> int:
-    from heatertune.proof.spec_file import in_force, spec_text
-    from heatertune.proof.specification import PRESETS
+    from heatertune.proof.specification import PRESETS, in_force, spec_text
 
     if settings.list:
         document = {"schema": "heatertune/presets/1",

@@ -29,7 +29,7 @@ from heatertune.proof.heaters import labelled_heaters
 from heatertune.proof.nearest_specification import settings_told
 from heatertune.proof.phase_statistics import first_within, turning_points
 from heatertune.proof.repetition import apply_provenance, scaling_of
-from heatertune.proof.spec_file import specification_of
+from heatertune.proof.specification import specification_of
 from heatertune.proof.verdict import NOT_PROVEN
 from heatertune.settings import Conditions
 

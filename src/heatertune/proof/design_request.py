@@ -24,7 +24,7 @@ from heatertune.proof.refine import refine
 from heatertune.proof.repetition import files_of, recorded_conditions
 from heatertune.proof.ripple_and_wear import SWITCHES, propose_period
 from heatertune.proof.setpoint_ramp import prove_ramped
-from heatertune.proof.spec_file import specification_of
+from heatertune.proof.specification import specification_of
 from heatertune.proof.verdict import demand_none
 from heatertune.settings import Conditions, SampleSettings, TuneSettings, WordSettings
 from heatertune.units import count

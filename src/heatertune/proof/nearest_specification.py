@@ -18,8 +18,7 @@ from heatertune.proof.criteria import CRITERIA, CRITERION, HEATER_REMEDIES, LIMI
 from heatertune.proof.heaters import ROOM_DEGC
 from heatertune.proof.proof import Proof
 from heatertune.proof.prove_words import prove
-from heatertune.proof.spec_file import specification_of
-from heatertune.proof.specification import default_limit, quantity
+from heatertune.proof.specification import default_limit, quantity, specification_of
 from heatertune.proof.verdict import WIDER
 from heatertune.proof.worst_runs import RunScreen
 from heatertune.settings import Conditions

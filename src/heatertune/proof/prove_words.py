@@ -38,8 +38,7 @@ from heatertune.proof.heaters import (
 )
 from heatertune.proof.loop import MOST_SCANS
 from heatertune.proof.proof import Proof, prove_models
-from heatertune.proof.spec_file import specification_of
-from heatertune.proof.specification import Specification
+from heatertune.proof.specification import Specification, specification_of
 from heatertune.proof.test_sequence import LoopTiming, SequencePlan, story_for
 from heatertune.proof.verdict import Acceptance, Coverage, FitDiagnostics, Interlock, Run
 from heatertune.settings import Conditions, TuneSettings

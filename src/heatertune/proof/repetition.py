@@ -33,8 +33,7 @@ from heatertune.proof.profile import read_profile
 from heatertune.proof.proof import Proof
 from heatertune.proof.proof_document import ProofView, check_document, with_digest
 from heatertune.proof.setpoint_ramp import prove_ramped
-from heatertune.proof.spec_file import in_force, specification_of
-from heatertune.proof.specification import NOTHING
+from heatertune.proof.specification import NOTHING, in_force, specification_of
 from heatertune.proof.verdict import PROOF_SCHEMA
 from heatertune.proof.words_file import WORDS_SCHEMA, WholeWordsView, demand_same_words, words_of
 from heatertune.settings import Conditions, SampleSettings

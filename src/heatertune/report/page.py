@@ -47,8 +47,7 @@ from heatertune.report.report_text import (
     setpoint_text,
 )
 from heatertune.settings import Conditions, SensorSettings
-from heatertune.terms import terms_in
-from heatertune.units import count
+from heatertune.units import count, terms_in
 
 __all__ = ["assumption_text", "glossary", "head", "limits", "record", "remedies", "render", "sections", "specification"]
 

@@ -22,7 +22,7 @@ from heatertune.report.html import text_of
 from heatertune.report.report_text import figure
 from heatertune.studio.charts import Options
 from heatertune.studio.loop_settings import SLIDERS, Slider, StudioSettings
-from heatertune.terms import terms_in
+from heatertune.units import terms_in
 
 __all__ = ["MOVE", "MOVED", "NUMBER_SEEN", "Controls", "Grey", "card", "chart", "draw", "explain_label", "html",
            "number_field", "select_field"]

@@ -21,7 +21,7 @@ from heatertune.studio.loop_settings import LoopView, document_of
 from heatertune.studio.proof_picture import Picture
 from heatertune.studio.session import PinnedDesign
 from heatertune.studio.wording import for_page
-from heatertune.terms import the_term
+from heatertune.units import the_term
 
 __all__ = [
     "comparison_html", "conditions", "criteria", "diagnosis", "duration_text", "export_name", "in_words", "key",

@@ -34,7 +34,7 @@ from heatertune.proof.heaters import holding_heaters
 from heatertune.proof.loop import LoopController, actuator_of, check_words, in_loop
 from heatertune.proof.prove_words import actuator_for, setpoints_for
 from heatertune.proof.scenario import Scenario
-from heatertune.proof.spec_file import specification_of
+from heatertune.proof.specification import specification_of
 from heatertune.settings import Conditions
 from heatertune.supervision.faulty_loops import (
     FAULTS,

@@ -27,7 +27,7 @@ from heatertune.proof.criteria import LoopLimits
 from heatertune.proof.heaters import MAINS_POWERS, RESERVE_PCT
 from heatertune.proof.prove_words import actuator_for
 from heatertune.proof.ripple_and_wear import ripple_degC
-from heatertune.proof.spec_file import specification_of
+from heatertune.proof.specification import specification_of
 from heatertune.proof.verdict import FitDiagnostics
 from heatertune.settings import Conditions
 from heatertune.units import check

@@ -96,7 +96,7 @@ def _run_experiment(settings: argparse.Namespace) -> int:
 def _limit_degC(settings: argparse.Namespace) -> float:
     """Return the temperature that ends it: the stated one, which the folder's specification may not forbid."""
     from heatertune.live.serve import read_folder
-    from heatertune.proof.spec_file import highest_temperature
+    from heatertune.proof.specification import highest_temperature
 
     highest = None
     with suppress(HeatertuneError):  # words alone, without the conditions of a design

@@ -31,7 +31,7 @@ from heatertune.plc import Words, controller_for
 from heatertune.plc.ramp import Number
 from heatertune.proof.heaters import MAINS_POWERS, labelled_heaters
 from heatertune.proof.scenario import delay_heater
-from heatertune.proof.spec_file import highest_temperature
+from heatertune.proof.specification import highest_temperature
 from heatertune.units import count
 
 __all__ = ["Band", "Reach", "RiseWatch", "WatchResult", "band_degC", "carried_s", "highest_message",

@@ -6,10 +6,9 @@ for all formats alike.
 
 from typing import Final
 
-from heatertune.log.formats.containers import CONTAINERS
+from heatertune.log.formats.containers import CONTAINERS, WEB_TABLES
 from heatertune.log.formats.device_logs import DEVICE_LOGS, PLANT_EXPORTS
 from heatertune.log.formats.printer_logs import PRINTER_LOGS
-from heatertune.log.formats.web_tables import WEB_TABLES
 
 __all__ = ["BINARY_FORMATS", "TEXT_FORMATS"]
 

@@ -16,7 +16,7 @@ from heatertune.proof.heaters import holding_heaters
 from heatertune.proof.monte_carlo.draw import SampleProof, hardest_setting
 from heatertune.proof.prove_words import actuator_for, course_for, limits_of, setpoints_for
 from heatertune.proof.report_curves import trace_series
-from heatertune.proof.spec_file import specification_of
+from heatertune.proof.specification import specification_of
 from heatertune.proof.verdict import demand_none
 from heatertune.settings import Conditions, SampleSettings
 from heatertune.units import whole
