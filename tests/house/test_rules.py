@@ -20,7 +20,7 @@ NAMING_EXTRAS = {
     "__init__.py": "the Python package offers fleet, study, virtual_plc and read_zones",
 }
 STAGES = ("heater", "log", "model", "pid", "plc", "proof", "report")
-FREE = ("arrays", "units", "terms", "errors", "options", "keywords", "settings", "codec", "writing", "cache", "compiled", "lazy", "show",
+FREE = ("arrays", "units", "errors", "options", "keywords", "settings", "codec", "writing", "cache", "compiled", "lazy", "show",
         "processors")
 MODULES = sorted(SOURCE.rglob("*.py"))
 
