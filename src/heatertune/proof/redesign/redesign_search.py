@@ -265,7 +265,7 @@ class GainSearch:
             if looks[-1][0].badness == 0.0 and (mended := self.best_passing(place)):
                 return mended
         look, place = min(looks, key=lambda pair: pair[0].badness)
-        in_vain = changed and (look.badness > _HELPS * search.least or search.unwound_by_others(look, self.frame))
+        in_vain = changed and (look.badness > _HELPS * search.least or search.needs_a_later_change(look, self.frame))
         return self.nearby((look.badness, place), () if in_vain else _STEPS)
 
     def nearby(self, best: tuple[float, GainPoint], steps: Sequence[float]) -> DesignResult | None:
@@ -636,7 +636,7 @@ class RedesignSearch:
         tried = (self.try_design(frame, inside.candidate(place)) for place in inside.beside_a_ramp())
         return next((mended for mended in tried if mended is not None), None)
 
-    def unwound_by_others(self, look: WorstRuns, frame: DesignChange) -> bool:
+    def needs_a_later_change(self, look: WorstRuns, frame: DesignChange) -> bool:
         """Return whether what a frame leaves broken is a windup that no gains mend so well as a change to come."""
         ramp_open = self.request.setpoint_ramp is None
         return bool(look.names) and look.names <= OF_WINDUP and unwinds(self.request.target, frame, ramp_open=ramp_open)
