@@ -27,10 +27,8 @@ if TYPE_CHECKING:
     from heatertune.plc import Words
     from heatertune.plc.word_selection import WordChoice
 
-__all__ = [
-    "ProofSource", "add_known_options", "in_force", "proof_source", "redesign_command", "target_in",
-    "words_of_controller",
-]
+__all__ = ["ProofSource", "add_known_options", "controller_words", "in_force", "proof_source", "redesign_command",
+           "target_in"]
 
 
 def add_known_options(command: argparse.ArgumentParser) -> None:
@@ -44,7 +42,7 @@ def add_known_options(command: argparse.ArgumentParser) -> None:
                 help="known setting of an open point (see: heatertune targets); may be repeated")
 
 
-def words_of_controller(settings: argparse.Namespace, logs: Sequence[Log]) -> Words | None:
+def controller_words(settings: argparse.Namespace, logs: Sequence[Log]) -> Words | None:
     """Return the words of the controller that is named, None where none is.
 
     Raises:
