@@ -60,6 +60,7 @@ def _steps_of_output(share_pct, rows):
 
 
 @pytest.mark.parametrize("share_pct", [20.0, 25.0])
+@pytest.mark.long
 def test_the_lower_step_of_an_output_in_steps_is_not_no_power(share_pct):
     time_s, readings = _steps_of_output(share_pct, 900)
     log = Log(name="steps", source="", time_s=time_s[400:], temperature_degC=readings[400:])
