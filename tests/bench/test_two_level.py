@@ -11,6 +11,8 @@ from heatertune.log.log_values import Log
 from heatertune.model.model_values import FitOutcome
 from heatertune.model.relay_test import find_relay
 from heatertune.model.temperature.thresholds import Thermostat
+from heatertune.model.temperature.two_level import fit_two_level
+from heatertune.model.temperature.two_level_result import two_level_model
 from tests.bench import two_level, whose_heater
 
 
@@ -40,6 +42,34 @@ def test_stated_thresholds_that_a_log_does_not_reach_are_refused_and_the_remedy_
     refused = two_level.fit_text(drawn, drawn.text(False), thermostat=(drawn.low + 500.0, drawn.high + 500.0))
     assert "correct --thermostat, or leave it out" in refused.message
     assert two_level.fit_text(drawn, drawn.text(False)).outcome != "refused"
+
+
+def _steps_of_output(share_pct, rows):
+    """Return a log of a PI loop whose output moves in steps: 1 °C/%, 120 s, dead time 8 s, 20 °C; target 62 °C."""
+    temperature, part, pipe, readings = 20.0, 0.0, [0.0] * 4, []
+    noise = np.random.default_rng(4).normal(0.0, 0.03, rows)
+    for k in range(rows):
+        read = temperature + noise[k]
+        readings.append(read)
+        wanted = 5.0 * (62.0 - read) + part
+        output = share_pct * round(min(100.0, max(0.0, wanted)) / share_pct)
+        part += 5.0 * 2.0 / 100.0 * (62.0 - read) if 0.0 < wanted < 100.0 else 0.0
+        pipe.append(output)
+        temperature += (1.0 - np.exp(-2.0 / 120.0)) * (20.0 + pipe.pop(0) - temperature)
+    return np.arange(rows) * 2.0, np.array(readings)
+
+
+@pytest.mark.parametrize("share_pct", [20.0, 25.0])
+@pytest.mark.long
+def test_the_lower_step_of_an_output_in_steps_is_not_no_power(share_pct):
+    time_s, readings = _steps_of_output(share_pct, 900)
+    log = Log(name="steps", source="", time_s=time_s[400:], temperature_degC=readings[400:])
+    found = fit_two_level(log, ambient_degC=None)
+    assert found.explains, "two neighbouring steps look like full power and none in a hot room"
+    model = two_level_model(found, None)
+    assert model.ci95["gain_degC_per_pct"] is None
+    assert model.ci95["ambient_degC"] is None
+    assert "lower level is no power" in " ".join(finding.message for finding in model.findings)
 
 
 @pytest.mark.parametrize("numbers", [(20.0,), (60.0, 50.0), (50.0, 60.0, -1.0), (1.0, 2.0, 3.0, 4.0, 5.0)])
@@ -116,7 +146,7 @@ def test_a_second_heater_is_told_with_its_instant_and_the_option_that_cuts_it_ou
     drawn = whose_heater.draw("second", "steps", seed)
     _, holds, message = whose_heater.fitted_or_refused(drawn)
     assert holds
-    told = re.search(r"At ([\d.]+) s an unlogged load.*--until (\d+) leaves it out", message)
+    told = re.search(r"At ([\d.]+) s \(between [\d.]+ and [\d.]+ s\) an unlogged load.*--until (\d+) leaves it out", message)
     assert told, message
     assert abs(float(told[1]) - drawn.at) < 0.02 * drawn.length
     outcome, holds, message = whose_heater.fitted_or_refused(drawn, until_s=float(told[2]))

@@ -67,6 +67,15 @@ def test_no_heater_that_goes_on_is_accused(kind):
         assert _found(Log(name=kind, source="", time_s=case.time, temperature_degC=case.temperature, power_pct=case.power)) is None
 
 
+@pytest.mark.long
+def test_a_slow_part_of_a_heater_is_no_change_of_it_and_its_gain_is_found():
+    case = causes.make("two-scales-loop", 5)
+    model = fit(Log(name="slow part", source="", time_s=case.time, temperature_degC=case.temperature, power_pct=case.power))
+    gain, truth = model.ci95["gain_degC_per_pct"], -float(np.linalg.solve(case.heater.a, case.heater.b)[-1])
+    assert gain.low <= truth <= gain.high
+    assert "shared-mass" in {finding.name for finding in model.findings}
+
+
 def test_an_opening_while_the_power_is_off_is_stated_as_that_interval_and_cut_at_its_end():
     # 0.5 °C/% with 60 s, 40 % but for 500 to 620 s; open from 560 s on, which nothing shows before 620 s
     time = np.arange(0.0, 1000.0, 2.0)

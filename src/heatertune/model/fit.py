@@ -136,7 +136,8 @@ def _fit_unlogged(
     fitted = fit_temperature([used], laws, ambient_degC=bounds, seed=seed, thorough=thorough,
                              largest_power_pct=settings.largest_power_pct)
     best, readings = fitted.hypotheses[0], len(fitted.residuals.time_s) if fitted.residuals else len(used.time_s)
-    if switched is None or not switched.explains or not switched.is_better(best.rmse_degC, readings):
+    if switched is None or not switched.explains or not switched.shows_levels or not switched.is_better(
+            best.rmse_degC, readings):
         return _with_faster_swing(fitted, used), notes
     return two_level_model(switched, bounds, fitted.hypotheses), ()
 

@@ -20,8 +20,8 @@ from heatertune.model.model_values import Candidate, FittedModel, Fopdt, HeaterM
 from heatertune.model.statistics import RATIO, Interval
 
 __all__ = [
-    "COMBINATIONS", "FIELDS", "cools", "crossover_rad_s", "match_fopdt", "middle_degC", "mirror_heater",
-    "mirrored_log", "mirrored_model", "ultimate_period_s", "zero_s",
+    "COMBINATIONS", "FIELDS", "PROPORTIONAL_TO_GAIN", "cools", "crossover_rad_s", "match_fopdt", "middle_degC",
+    "mirror_heater", "mirrored_log", "mirrored_model", "ultimate_period_s", "zero_s",
 ]
 
 
@@ -69,6 +69,8 @@ COMBINATIONS: Final[dict[str, Measure]] = {
     "effective_dead_time_s": lambda plant: plant.half_rule().dead_time_s,
     "ultimate_period_s": ultimate_period_s,
 }
+#: names of what is proportional to the gain
+PROPORTIONAL_TO_GAIN: Final = ("gain_degC_per_pct", "gain_per_time_constant_degC_per_s_pct")
 
 
 #: phase at which a PI loop with Ms about 1.6 is cut [°]: the controller and the phase margin take the rest

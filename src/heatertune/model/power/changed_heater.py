@@ -141,6 +141,7 @@ _LOUD, _CLOSE = 2.0, 0.02  # times the noise, and of the span: the error of a he
 _COLDEST: Final = -60.0  # of rooms [°C]
 _LOADS: Final = 5  # instants at which a load is tried
 _BETTER_BIC: Final = 20.0  # BIC points that a load has to be worth
+_WIDEST: Final = 0.25  # of the log: a departure that begins within more is a slow part of the heater, not an event
 _LASTS: Final = 0.8  # share of the readings after the instant that depart
 
 
@@ -225,7 +226,10 @@ def _explained_until(problem: PowerProblem, share: float) -> ChangePeriod | None
 
 
 def _foretold_until(problem: PowerProblem, end_s: float) -> ChangePeriod | None:
-    """Return where a heater fitted up to an instant ends to foretell the log; None: never, or it always does."""
+    """Return where a heater fitted up to an instant ends to foretell the log; None: it always does, or none shows.
+
+    A slow part of the heater, which the beginning does not show, moves it away over much of the log.
+    """
     time, record = problem.readings.time_s, problem.readings.temperature_degC
     rows = time <= end_s
     begun = replace(problem, readings=_first(problem.readings, end_s))
@@ -243,6 +247,8 @@ def _foretold_until(problem: PowerProblem, end_s: float) -> ChangePeriod | None:
     if not places or float(np.mean(beyond[place:])) < _LASTS or float(apart[place:].max()) < _LARGE * span:
         return None
     low_s, best_s = _begin(time, apart, place, _BEGINS * error, _LARGE * span)
+    if float(time[place]) - low_s > _WIDEST * float(np.ptp(time)):
+        return None
     return _period(problem.readings, low_s, best_s, float(time[place]), low_s)
 
 

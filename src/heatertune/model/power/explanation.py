@@ -36,7 +36,7 @@ from heatertune.model.power.loss_fit import LossFit, leaves_noise
 from heatertune.model.power.nonlinear import Bend, judged_linear
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
 from heatertune.model.power.regressors import Readings
-from heatertune.model.power.two_scales_fit import TwoScaleFit
+from heatertune.model.power.two_scales_fit import TwoScaleFit, fit_two_scales
 from heatertune.model.statistics import replace_outliers, without_outliers
 
 __all__ = [
@@ -435,7 +435,10 @@ def _demand_cause(log: Log, problem: PowerProblem, fit: PowerFit, alias: str) ->
             raise InputError(f"{log.name}: {alias}") from refused
         refuse_opened(log, problem)
         refuse_changed(log, problem)
-        raise
+        scales = fit_two_scales([problem], math.inf)
+        if not any(leaves_noise(each.problems[0].readings, each.simulations_degC[0]) for each in scales):
+            raise
+        return str(refused)  # one lag misses most of what a quick part and a slow one explain
 
 
 def _second(problem: PowerProblem, first_fit: PowerFit) -> PowerFit:

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
-from typing import Final
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from heatertune.log.log_values import Log
 from heatertune.model.diagnostics import DROP_PCT, Remark, findings_of, poor_remarks
 from heatertune.model.least_squares import minimise
 from heatertune.model.model_values import Candidate, FitOutcome, FittedModel, Residuals
-from heatertune.model.reduction import COMBINATIONS, FIELDS
+from heatertune.model.reduction import COMBINATIONS, FIELDS, PROPORTIONAL_TO_GAIN
 from heatertune.model.statistics import (
     LJUNG_BOX_95,
     Interval,
@@ -196,7 +195,6 @@ _NO_POWER_BUT_SETPOINT = Remark("no-power", (
 ))
 
 #: measures in the unit of the power
-_OF_GAIN: Final = ("gain_degC_per_pct", "gain_per_time_constant_degC_per_s_pct")
 _NEAR = 10.0  # BIC points within which a model explains the log nearly as well
 _FOPDT_NEAR = 3.0  # fit [%] within which the best single lag stays a candidate
 _POOR = 60.0
@@ -438,7 +436,7 @@ def _power_remarks(
         yield Remark("largest-power", f"The largest power in {names} is {largest_power_pct:g} %, as stated.")
     elif any(log.output_limit_pct is None for log in logs):
         low = ranges["gain_degC_per_pct"].low
-        ranges |= {name: Interval(low=ranges[name].low, high=None) for name in _OF_GAIN}
+        ranges |= {name: Interval(low=ranges[name].low, high=None) for name in PROPORTIONAL_TO_GAIN}
         least = "larger than that of the fit" if low is None else f"anything from {low:.3g} °C/% upwards"
         yield Remark("largest-power-unknown", (
             f"{names} does not show how much power the largest output of its controller was: the process gain is "
@@ -469,7 +467,8 @@ def _notes(
     hypothesis = best.hypothesis
     given = ambient_degC is not None and ambient_degC[0] == ambient_degC[1]
     told = {"ambient_degC"} if given else set()
-    told |= {name for name in _OF_GAIN if hypothesis.largest_power_pct is None and ranges[name].high is None}
+    if hypothesis.largest_power_pct is None:
+        told |= {name for name in PROPORTIONAL_TO_GAIN if ranges[name].high is None}
     lost = [name for name, limits in ci95.items() if limits is None and name not in told]
     names = [segment.log.name for segment in hypothesis.segments]
     notes = [_no_power([segment.log for segment in hypothesis.segments]).sentence, *event_notes(best),

@@ -56,6 +56,10 @@ _MOST_OF_ROW: Final = 1.5  # rows, within which nearly all switchings have to co
 _MOST: Final = 0.9  # of the switchings, those that decide
 _UNEVEN: Final = 0.3  # of the swing: most deviation of the temperatures at which it turns
 _CONTINUOUS: Final = 7  # unknowns of a continuous controller and its heater, about
+_TRIGGERS: Final = 3.5  # standard deviations of the lowest of many readings
+_LEAST_ROWS: Final = 1.0  # of a stretch of power, and of one without: a shorter one shows only how much heat it is
+_BELOW: Final = 0.1  # of the span of the readings: the coldest one lies less below the temperature without power
+_COLD: Final = 0.5  # of the rise above the temperature without power: a log that begins below shows that temperature
 
 
 Rows = npt.NDArray[np.intp]
@@ -174,6 +178,31 @@ class TwoLevelFit:
     def has_many_rows(self) -> bool:
         """Whether there are enough rows to a switching to tell the swing from noise."""
         return len(self.log.time_s) >= _MANY_ROWS * len(self.best[0].instants)
+
+    @property
+    def shows_levels(self) -> bool:
+        """Whether the log may be of full power and none: no stretch of a fraction of a row, and no reading too cold.
+
+        An output of coarse steps swings between two neighbouring ones. Full power and none in their place heat as much
+        only in short pulses, or in a room as hot as the lower step makes the heater.
+        """
+        coldest, row = float(self.log.temperature_degC.min()), float(np.median(np.diff(self.log.time_s)))
+        ambients = [each.ambient_degC for each in (*self.best, *self.profile)]
+        below = _BELOW * float(np.ptp(self.log.temperature_degC)) + self.ambient_margin_degC + self.noise_degC
+        stretches = np.diff(self.best[0].instants)
+        shortest = min((float(np.median(stretches[k::2])) for k in (0, 1) if len(stretches) > k), default=math.inf)
+        return shortest >= _LEAST_ROWS * row and min(ambients) <= coldest + below
+
+    @property
+    def shows_ambient(self) -> bool:
+        """Whether the log begins so cold, below its swing, that it shows the temperature without power."""
+        best, y = self.best[0], self.log.temperature_degC
+        first = 0 if best.problem.is_on else 1
+        if len(best.instants) < first + 2:
+            return False
+        high, low = (float(np.median(best.temperature_degC(best.instants[k::2]))) for k in (first, first + 1))
+        coldest = float(y.min()) + _TRIGGERS * self.noise_degC
+        return coldest < low - (high - low) and coldest - best.ambient_degC <= _COLD * (low - best.ambient_degC)
 
     @property
     def delays_s(self) -> Array:

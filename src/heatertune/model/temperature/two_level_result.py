@@ -12,7 +12,7 @@ import numpy as np
 from heatertune.arrays import Array
 from heatertune.model.diagnostics import Remark, findings_of, poor_remarks
 from heatertune.model.model_values import Candidate, FitOutcome, FittedModel, HeaterModel, Residuals
-from heatertune.model.reduction import COMBINATIONS, FIELDS
+from heatertune.model.reduction import COMBINATIONS, FIELDS, PROPORTIONAL_TO_GAIN
 from heatertune.model.statistics import Interval, autocorrelation, fit_pct, identified_interval
 from heatertune.model.temperature.thresholds import Thresholds, reading_margin_degC, threshold_between
 from heatertune.model.temperature.two_level import LONGEST, SwitchingSolution, TwoLevelFit, change_s
@@ -24,6 +24,7 @@ _MOST_OF: Final = 0.9  # of the switchings, that come after the dead time
 _TRIGGERS: Final = 3.5  # standard deviations by which noise may switch early, of many readings
 _DELAYS: Final = 41  # dead times at which the thresholds are sought
 _POOR: Final = 60.0
+_FALLS_WITH_GAIN: Final = ("ambient_degC", "ultimate_gain_pct_per_degC")
 _LAW: Final = "two-level control"
 _LOGGED: Final = "power logged, switched between its rows"
 
@@ -160,6 +161,10 @@ def two_level_model(fit: TwoLevelFit, ambient_degC: tuple[float, float] | None, 
         for name in ("gain_degC_per_pct", "time_constant_s"):
             ranges[name] = replace(ranges[name], high=None)
         ranges["ambient_degC"] = replace(ranges["ambient_degC"], low=None)
+    is_assumed = _is_assumed(fit, ambient_degC)
+    if is_assumed:  # full power in place of a part of it makes the gain too small
+        ranges |= {name: Interval(low=ranges[name].low, high=None) for name in PROPORTIONAL_TO_GAIN}
+        ranges |= {name: Interval(low=None, high=ranges[name].high) for name in _FALLS_WITH_GAIN}
     ci95: dict[str, Interval | None] = {name: identified_interval(ranges[name]) for name in FIELDS}
     if ambient_degC is not None and ambient_degC[0] == ambient_degC[1]:
         ci95["ambient_degC"] = None
@@ -180,7 +185,8 @@ def two_level_model(fit: TwoLevelFit, ambient_degC: tuple[float, float] | None, 
     measures = {"ultimate_gain_pct_per_degC": _ultimate_gain, **COMBINATIONS}
     return FittedModel(
         model=plant.half_rule(), outcome=outcome,
-        findings=findings_of([*_remarks(fit, notes[0], thresholds), *poor_remarks(outcome, share, log.name)]),
+        findings=findings_of([
+            *_remarks(fit, notes[0], thresholds, is_assumed), *poor_remarks(outcome, share, log.name)]),
         method="switching instants fitted together with the heater; profile likelihood",
         ci95=ci95, candidates=tuple(candidates), hypotheses=(candidates[0], *hypotheses),
         combinations={name: (measure(plant), ranges[name]) for name, measure in measures.items()
@@ -190,7 +196,7 @@ def two_level_model(fit: TwoLevelFit, ambient_degC: tuple[float, float] | None, 
                             autocorrelation=autocorrelation(log.temperature_degC - simulated)))
 
 
-def _remarks(fit: TwoLevelFit, note: str, thresholds: Thresholds | None) -> Iterator[Remark]:
+def _remarks(fit: TwoLevelFit, note: str, thresholds: Thresholds | None, is_assumed: bool) -> Iterator[Remark]:
     """Yield the findings: that no power was logged, and whether that full power was switched is stated or assumed."""
     if fit.switched_rows is not None:
         return
@@ -200,7 +206,15 @@ def _remarks(fit: TwoLevelFit, note: str, thresholds: Thresholds | None) -> Iter
                                    f"{fit.thermostat.low_degC:g} and {fit.thermostat.high_degC:g} °C.")
         return
     where = "" if thresholds is None else f" It switches {thresholds.summary}."
+    if is_assumed:
+        where += (" The log begins warm and does not show that the lower level is no power; if the output of a "
+                  "controller moves in steps, it is not, and the gain is larger.")
     yield Remark("two-level", f"{note}{where} That it is full power is assumed; --thermostat LOW HIGH states it.")
+
+
+def _is_assumed(fit: TwoLevelFit, ambient_degC: tuple[float, float] | None) -> bool:
+    """Return whether neither the log nor a statement shows that the lower level is no power."""
+    return (fit.thermostat is None and fit.switched_rows is None and ambient_degC is None) and not fit.shows_ambient
 
 
 def _outcome(share: float, ci95: Mapping[str, Interval | None]) -> FitOutcome:
