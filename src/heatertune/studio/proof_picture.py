@@ -5,7 +5,6 @@ Long lines are reduced to the points that are visible: minimum and maximum of ea
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -212,7 +211,7 @@ def course_of(trace: Trace, proof: Proof, pixels: int = _PIXELS) -> Line:
 
 def parts_of(trace: Trace, proof: Proof) -> list[PicturePart]:
     """Return what a run does in each part of the story: exactly, but for a first look at a run with a fast PWM."""
-    most = math.inf if proof.open_points else _DENSE
+    most = np.inf if proof.open_points else _DENSE
     band = band_of(proof.limits, trace.resolution_degC)
     found = []
     for event, phase in zip((None, *trace.scenario.disturbances), _phases(trace, proof), strict=True):
