@@ -211,11 +211,10 @@ def course_of(trace: Trace, proof: Proof, pixels: int = _PIXELS) -> Line:
 
 def parts_of(trace: Trace, proof: Proof) -> list[PicturePart]:
     """Return what a run does in each part of the story: exactly, but for a first look at a run with a fast PWM."""
-    most = np.inf if proof.open_points else _DENSE
     band = band_of(proof.limits, trace.resolution_degC)
     found = []
     for event, phase in zip((None, *trace.scenario.disturbances), _phases(trace, proof), strict=True):
-        time, temperature = trace.course(phase.begin_s, phase.end_s, most_stretches=most)
+        time, temperature = trace.course(phase.begin_s, phase.end_s, most_stretches=np.inf if proof.open_points else _DENSE)
         first = first_within(temperature - phase.setpoint_degC, band)
         found.append(PicturePart(
             name=event_name(event), begin_s=phase.begin_s, rest_s=phase.rest_s, end_s=phase.end_s,
