@@ -37,7 +37,7 @@ def test_the_course_holds_the_extremes(trace, start, end):
 
 def test_a_course_of_many_stretches_is_that_of_a_fifth_as_many_scans(trace):
     most = len(trace.stretches) - 1
-    times, values = trace.course(0.0, 251.0, most_stretches=most)
+    times, values = trace.course(0.0, 251.0, most=most)
     assert 3 <= len(times) <= most / 5 + 2
     assert set(times[1:-1]) <= set(trace.time_s)
     assert values == pytest.approx(trace.temperature_at(times, before=True), abs=1e-10)

@@ -110,16 +110,16 @@ class Trace(NotebookDisplay):
 
         return up_to(instants_s[1:]) - up_to(instants_s[:-1])
 
-    def course(self, start_s: float, end_s: float, *, most_stretches: float = math.inf) -> tuple[Array, Array]:
+    def course(self, start_s: float, end_s: float, *, most: float = math.inf) -> tuple[Array, Array]:
         """Return instants and temperatures between which it neither jumps nor turns, both of shape (n,).
 
         The first is `start_s` after a jump, the last `end_s` before one; disturbances in between are not
         expected. So the extremes of the temperature are among the values, unless the run has more stretches than
-        `most_stretches`: then the instants between are scans, at most a fifth as many, and a fast PWM's ripple is not
+        `most`: then the instants between are scans, at most a fifth as many, and a fast PWM's ripple is not
         seen.
         """
-        if len(self.stretches) > most_stretches:
-            scans = slice(None, None, math.ceil(5.0 * len(self.time_s) / most_stretches))
+        if len(self.stretches) > most:
+            scans = slice(None, None, math.ceil(5.0 * len(self.time_s) / most))
             instants, temperatures = self.time_s[scans], self.temperature_degC[scans]
         else:
             instants, temperatures = self._instants, self._temperatures

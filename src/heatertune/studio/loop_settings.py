@@ -189,7 +189,7 @@ class CandidateWords:
 
     design: PidDesign
     words: Words
-    search: Callable[[], dict[str, Any] | None] = lambda: None
+    search: Callable[[], Any] = lambda: None
     notes: tuple[str, ...] = ()
     recipe: DesignProvenance | None = None
     conditions: Conditions | None = None

@@ -197,7 +197,7 @@ def course_of(trace: Trace, proof: Proof, pixels: int = _PIXELS) -> Line:
 
     Its extremes are exact, but for the ripple of a PWM that is too fast to be seen.
     """
-    time, temperature = trace.course(0.0, float(trace.time_s[-1]), most_stretches=_DENSE)
+    time, temperature = trace.course(0.0, float(trace.time_s[-1]), most=_DENSE)
     jumps = np.array([event.time_s for event in trace.scenario.disturbances])
     places = np.searchsorted(time, jumps)
     time = np.insert(time, places, jumps)
@@ -214,7 +214,7 @@ def parts_of(trace: Trace, proof: Proof) -> list[PicturePart]:
     band = band_of(proof.limits, trace.resolution_degC)
     found = []
     for event, phase in zip((None, *trace.scenario.disturbances), _phases(trace, proof), strict=True):
-        time, temperature = trace.course(phase.begin_s, phase.end_s, most_stretches=np.inf if proof.open_points else _DENSE)
+        time, temperature = trace.course(phase.begin_s, phase.end_s, most=np.inf if proof.open_points else _DENSE)
         first = first_within(temperature - phase.setpoint_degC, band)
         found.append(PicturePart(
             name=event_name(event), begin_s=phase.begin_s, rest_s=phase.rest_s, end_s=phase.end_s,
