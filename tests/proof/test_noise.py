@@ -71,6 +71,13 @@ def test_without_noise_for_a_first_look_and_for_what_fails_anyway_nothing_more_i
     assert (failed.verdict, _remarks(failed)) == ("FAIL", [])
 
 
+def test_a_first_look_has_the_figures_that_the_whole_proof_measures_on_its_nominal_run_without_a_trace():
+    whole = prove(WORDS, FITTED, replace(NOISY, noise_degC=0.0)).runs[0].criteria
+    first = prove(WORDS, FITTED, replace(NOISY, noise_degC=0.0), first_look=True).runs[0].criteria
+    assert [each.name for each in first] == [each.name for each in whole]
+    assert [each.value for each in first] == pytest.approx([each.value for each in whole], rel=1e-9, abs=1e-9)
+
+
 def test_draws_end_with_those_that_break_a_limit_and_the_worst_of_each_criterion_counts():
     asked = []
 

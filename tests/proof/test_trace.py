@@ -35,6 +35,14 @@ def test_the_course_holds_the_extremes(trace, start, end):
     assert values.max() == pytest.approx(fine.max(), abs=2e-3)
 
 
+def test_a_course_of_many_stretches_is_that_of_a_fifth_as_many_scans(trace):
+    most = len(trace.stretches) - 1
+    times, values = trace.course(0.0, 251.0, most=most)
+    assert 3 <= len(times) <= most / 5 + 2
+    assert set(times[1:-1]) <= set(trace.time_s)
+    assert values == pytest.approx(trace.temperature_at(times, before=True), abs=1e-10)
+
+
 def test_the_course_ends_before_the_jump_and_begins_after_it(trace):
     before, after = trace.course(0.0, 251.0)[1][-1], trace.course(251.0, 500.0)[1][0]
     assert after - before == pytest.approx(-4.0)

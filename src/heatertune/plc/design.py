@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, replace
-from functools import partial
+from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any, Final
 
 from heatertune import cache
@@ -29,6 +29,7 @@ __all__ = ["encode", "loop_fit", "stated_scaling", "tune"]
 
 #: of a model's document, what is told and no design depends on
 _TOLD: Final = ("residuals", "notes", "hypotheses", "whiteness", "input_crosscorrelation", "held_out", "halves", "logs")
+_KEPT: Final = 2  # heaters: each move of a slider asks for the same one
 
 
 @with_options(TuneSettings, SensorSettings)
@@ -116,6 +117,7 @@ def stated_scaling(
     return controller_for(target).scaled(settings.input, settings.range_degC)
 
 
+@lru_cache(_KEPT)
 def _essence(fitted: FittedModel) -> dict[str, Any]:
     """Return what a design depends on: the working model and the candidates."""
     document = model_document.to_document(fitted)
@@ -133,7 +135,12 @@ def loop_fit(fitted: FittedModel, target: str, scaling: Scaling | None = None) -
     Raises:
         UnknownName: no such target.
     """
-    return fitted.with_delay(controller_for(target).delayed_s(scaling or Scaling()))
+    return _delayed(fitted, controller_for(target).delayed_s(scaling or Scaling()))
+
+
+@lru_cache(_KEPT)
+def _delayed(fitted: FittedModel, delay_s: float) -> FittedModel:
+    return fitted.with_delay(delay_s)
 
 
 def encode(design: PidDesign, target: str, *, scaling: Scaling | None = None) -> Words:

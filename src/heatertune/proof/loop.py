@@ -235,13 +235,16 @@ def trace_run(
     stretches = pulses + batch.event_time.size
     if have_loss(plant):  # each scan and each tangent begins one more
         stretches += 2 + scans + math.ceil(float(time[-1]) / plant[0, -2])
+    columns = np.empty((4, stretches))
     record = TraceArrays(
         True, np.empty(scans), np.empty(scans), np.empty(scans), np.empty(scans), np.zeros(scans, dtype=np.int64),
-        *(np.empty(stretches) for _ in range(4)),
+        *columns,
     )
     given = (program_of(controller, scenario), batch, actuator.switches, cut_s, edges, record, meter)
     switched, rows = run_with(controller, given, (1 + meter.measures) * scans)  # plain, a measured scan takes two
     shown = edges[:switched][np.abs(edges[:switched]) <= time[-1]]
+    edge_pct = np.zeros(len(shown))
+    edge_pct[::2] = np.copysign(100.0, shown[::2])
     return Trace(
         time_s=time,
         temperature_degC=record.temperature,
@@ -249,8 +252,8 @@ def trace_run(
         followed_degC=controller.zero_degC + controller.unit_degC * record.followed,
         power_asked_pct=record.power,
         edge_time_s=np.abs(shown),
-        edge_pct=np.where(np.arange(len(shown)) % 2 == 0, np.copysign(100.0, shown), 0.0),
-        stretches=np.column_stack([column[:rows] for column in record[-4:]]),
+        edge_pct=edge_pct,
+        stretches=columns[:, :rows].T,  # no copy: a fast PWM has millions
         model=model,
         scenario=scenario,
         actuator=actuator,

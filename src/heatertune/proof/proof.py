@@ -328,7 +328,7 @@ def prove_models(
     acceptance, coverage, design = acceptance or Acceptance(), coverage or Coverage(), controller.decode(words)
     runs = _all_runs(controller, words, models, scenario, actuator, acceptance.limits, coverage, interlock)
     traced = remember(partial(runs.trace, direct=not coverage.open_points))  # a quick look waits for no listing
-    judged = runs.judge_all()
+    judged = runs.judge_all() if coverage.open_points or runs.has_others else [runs.judge(traced(0), 0)]
     first = runs.parts[0]
     step = acceptance.step_power_pct(
         _with_cooling(controller, words, design, first.actuator), max(first.resolution_degC, scenario.noise_degC))

@@ -439,6 +439,11 @@ class AllRuns:
         return cls(parts=tuple(replace(part, done=(sum(lengths[:number]), sum(lengths)))
                                for number, part in enumerate(parts)))
 
+    @property
+    def has_others(self) -> bool:
+        """Whether there are more runs than the nominal one, or one that it is compared with."""
+        return sum(len(part.cases) for part in self.parts) > 1 or self.parts[0].reference is not None
+
     def place(self, run: int) -> tuple[Runs, int]:
         """Return the part of a run, and its number there."""
         for part in self.parts:

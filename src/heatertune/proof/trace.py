@@ -110,16 +110,23 @@ class Trace(NotebookDisplay):
 
         return up_to(instants_s[1:]) - up_to(instants_s[:-1])
 
-    def course(self, start_s: float, end_s: float) -> tuple[Array, Array]:
+    def course(self, start_s: float, end_s: float, *, most: float = math.inf) -> tuple[Array, Array]:
         """Return instants and temperatures between which it neither jumps nor turns, both of shape (n,).
 
         The first is `start_s` after a jump, the last `end_s` before one; disturbances in between are not
-        expected. So the extremes of the temperature are among the values.
+        expected. So the extremes of the temperature are among the values, unless the run has more stretches than
+        `most`: then the instants between are scans, at most a fifth as many, and a fast PWM's ripple is not
+        seen.
         """
-        first, last = np.searchsorted(self._instants, start_s, "right"), np.searchsorted(self._instants, end_s)
+        if len(self.stretches) > most:
+            scans = slice(None, None, math.ceil(5.0 * len(self.time_s) / most))
+            instants, temperatures = self.time_s[scans], self.temperature_degC[scans]
+        else:
+            instants, temperatures = self._instants, self._temperatures
+        first, last = np.searchsorted(instants, start_s, "right"), np.searchsorted(instants, end_s)
         ends = np.array([start_s] if start_s < end_s else []), np.array([end_s])
-        values = self.temperature_at(ends[0]), self._temperatures[first:last], self.temperature_at(ends[1], before=True)
-        return np.concatenate([ends[0], self._instants[first:last], ends[1]]), np.concatenate(values)
+        values = self.temperature_at(ends[0]), temperatures[first:last], self.temperature_at(ends[1], before=True)
+        return np.concatenate([ends[0], instants[first:last], ends[1]]), np.concatenate(values)
 
     def below_until(self, level_degC: float) -> float:
         """Return an instant up to which the temperature is below a level [s]; infinite where it always is."""
@@ -133,7 +140,8 @@ class Trace(NotebookDisplay):
 
     def _stretch_at(self, times: Array, *, before: bool = False) -> tuple[Array, ...]:
         rows = np.searchsorted(self.stretches[:, 0], times, side="left" if before else "right") - 1
-        return tuple(np.moveaxis(self.stretches[np.maximum(rows, 0)], -1, 0))
+        rows = np.maximum(rows, 0)
+        return tuple(column[rows] for column in self.stretches.T)
 
     def _lags(self, y: Array, x: Array) -> tuple[float | Array, float | Array]:
         """Return the lags: of the temperature, and before it; of a loss curve, those of stretches that begin there."""

@@ -62,7 +62,7 @@ def export_zip(standing: FrontDesign, *, force: bool) -> bytes:
     """
     files, gains, proof = standing.export(force=force), standing.look.gains, standing.proof
     documents = {
-        f"{DATA}/words.json": to_json(words_document(gains.words, proof, files, gains.search)),
+        f"{DATA}/words.json": to_json(words_document(gains.words, proof, files, gains.search())),
         f"{DATA}/proof.json": to_json(document_of(proof)),
     }
     packed = io.BytesIO()
@@ -86,9 +86,9 @@ def report_page(standing: FrontDesign, files: Mapping[str, str | bytes]) -> str:
     from heatertune.report import render
 
     gains = standing.look.gains
-    documents = dossier(standing.log, standing.fitted, gains.design, standing.proof, files, gains.search, gains.recipe)
+    content = dossier(standing.log, standing.fitted, gains.design, standing.proof, files, gains.search(), gains.recipe)
     left = {} if standing.as_left is None else {"as_left": plain(encode(standing.as_left))}
-    return render(documents | left)
+    return render(content | left)
 
 
 _INK: Final = "#1a1a1a"

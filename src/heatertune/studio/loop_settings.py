@@ -6,8 +6,9 @@ A first view of the loop takes milliseconds; the full proof and the design follo
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, Final
 
 from heatertune import chain
@@ -178,8 +179,9 @@ class CandidateWords:
     Attributes:
         design: as wished.
         words: what the controller will hold.
-        search: how the words were found, see `heatertune.plc.word_selection.search_document`; None: each rounded on its
-            own.
+        search: makes the document of how the words were found, see `heatertune.plc.word_selection.search_document`;
+            only a download needs it, and of words each rounded on its own there is none.
+        notes: on the words, as in that document.
         recipe: how the design became the words; None: not told.
         conditions: of the proof, where the design came with some; None: those of the settings.
         proof: of the words, where it is made already.
@@ -187,7 +189,8 @@ class CandidateWords:
 
     design: PidDesign
     words: Words
-    search: Any = None
+    search: Callable[[], Any] = lambda: None
+    notes: tuple[str, ...] = ()
     recipe: DesignProvenance | None = None
     conditions: Conditions | None = None
     proof: Proof | None = None
@@ -262,7 +265,8 @@ def optimum(fitted: FittedModel, settings: StudioSettings, progress: ProgressCal
     design, choice = made_for(fitted, asked, progress, str)
     words = with_cooling(choice.words, asked.conditions.cooling_gain)
     words = with_pwm_period(controller_for(asked.target).cycle, words, asked.conditions.pwm_period_s)
-    return CandidateWords(design=design, words=words, search=search_document(choice, fitted))
+    return CandidateWords(design=design, words=words, search=partial(search_document, choice, fitted),
+                          notes=choice.search.notes)
 
 
 #: the document of a proof, for every window once: it takes longer than a window may wait
@@ -294,7 +298,8 @@ def find_design(fitted: FittedModel, settings: StudioSettings, progress: Progres
     """
     found = find_passing_design(fitted, _request(settings), progress=progress)
     return DesignOutcome(result=found, gains=CandidateWords(
-        design=found.ideal, words=found.proof.words, search=search_document(found.choice, fitted, found.notes),
+        design=found.ideal, words=found.proof.words, notes=(*found.choice.search.notes, *found.notes),
+        search=partial(search_document, found.choice, fitted, found.notes),
         recipe=found.recipe, conditions=found.conditions, proof=found.proof))
 
 

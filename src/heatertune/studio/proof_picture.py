@@ -99,6 +99,7 @@ def _farthest(across: Array, values: Array, begin: Places, end: Places) -> tuple
 Line = tuple[npt.NDArray[Any], Array]
 
 _PIXELS: Final = 3000  # of the whole story, which is zoomed to a tenth
+_DENSE: Final = 100 * _PIXELS  # stretches of a run: with more of them no tooth of its PWM is seen
 _PIXELS_BEHIND: Final = 700  # of a run that is seen in a crowd
 _WITHIN: Final = 0.008  # of the temperature's span: two pixels of a picture 250 high
 _REST_SEEN: Final = 0.05  # of a time at rest, before the picture is torn
@@ -192,8 +193,11 @@ def picture_of(proof: Proof, before_run: Callable[[], object] = bool) -> Picture
 
 
 def course_of(trace: Trace, proof: Proof, pixels: int = _PIXELS) -> Line:
-    """Return a run's temperature as a picture of so many pixels shows it, of shape (n,), its extremes exactly."""
-    time, temperature = trace.course(0.0, float(trace.time_s[-1]))
+    """Return a run's temperature as a picture of so many pixels shows it, of shape (n,).
+
+    Its extremes are exact, but for the ripple of a PWM that is too fast to be seen.
+    """
+    time, temperature = trace.course(0.0, float(trace.time_s[-1]), most=_DENSE)
     jumps = np.array([event.time_s for event in trace.scenario.disturbances])
     places = np.searchsorted(time, jumps)
     time = np.insert(time, places, jumps)
@@ -206,11 +210,11 @@ def course_of(trace: Trace, proof: Proof, pixels: int = _PIXELS) -> Line:
 
 
 def parts_of(trace: Trace, proof: Proof) -> list[PicturePart]:
-    """Return what a run does in each part of the story."""
+    """Return what a run does in each part of the story: exactly, but for a first look at a run with a fast PWM."""
     band = band_of(proof.limits, trace.resolution_degC)
     found = []
     for event, phase in zip((None, *trace.scenario.disturbances), _phases(trace, proof), strict=True):
-        time, temperature = trace.course(phase.begin_s, phase.end_s)
+        time, temperature = trace.course(phase.begin_s, phase.end_s, most=np.inf if proof.open_points else _DENSE)
         first = first_within(temperature - phase.setpoint_degC, band)
         found.append(PicturePart(
             name=event_name(event), begin_s=phase.begin_s, rest_s=phase.rest_s, end_s=phase.end_s,

@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
@@ -101,8 +102,8 @@ def _found(design: PidDesign, fitted: FittedModel, recipe: DesignProvenance, sou
     closed = DesignResult(ideal=design, choice=choice, proof=proof, conditions=recipe.conditions, recipe=recipe,
                     notes=(": ".join(filter(None, (f"This is the design of {source}", recipe.way_on))),))
     return DesignOutcome(result=closed, gains=CandidateWords(
-        design=design, words=choice.words, search=search_document(choice, fitted), recipe=recipe,
-        conditions=recipe.conditions, proof=proof))
+        design=design, words=choice.words, search=partial(search_document, choice, fitted), recipe=recipe,
+        conditions=recipe.conditions, proof=proof, notes=choice.search.notes))
 
 
 def _as_made(start: StudioSettings, design: PidDesign, recipe: DesignProvenance) -> StudioSettings:

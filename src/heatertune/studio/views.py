@@ -202,12 +202,12 @@ def proving_text(done: str) -> str:
 
 def notes(look: LoopView) -> str:
     """Return how the gains and the words were found and how the loop is switched, as HTML."""
-    held, search = look.gains.words, look.gains.search
+    held = look.gains.words
     settings, actuator = look.settings, look.proof.actuator
     own = controller_for(held.target).timing(held).pwm_period_s is not None
     sentences = [
         f"Gains: {look.gains.design.method}.",
-        *([] if search is None else search["notes"]),
+        *look.gains.notes,
         f"One step of the sensor is {figure(settings.resolution_degC, 3)} °C.",
         f"The controller makes the PWM itself, with a period of {figure(actuator.pwm_period_s)} s: the slider has no "
         "say." if own else f"The switch works with a PWM period of {figure(actuator.pwm_period_s)} s.",
