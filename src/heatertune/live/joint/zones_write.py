@@ -318,7 +318,7 @@ class _ZonesWrite:
             for zone in self._plan.order:
                 plan = self._plan.zones[zone]
                 progress(f"writing zone {plan.zone}")
-                self._ends[zone] = WriteEnd(WriteOutcome.UNKNOWN, "begun")  # stays where a fault ends it: to be restored
+                self._ends[zone] = WriteEnd(WriteOutcome.UNKNOWN, "begun")  # stays after a fault: to be restored
                 self._ends[zone] = end = self._writers[zone].write(plan.parts, plan.before, plan.after)
                 if end.outcome not in (WriteOutcome.DONE, WriteOutcome.UNWATCHED):
                     return self._taken_back(f"zone {plan.zone}: {end.message}", but=zone)
