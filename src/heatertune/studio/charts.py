@@ -346,7 +346,16 @@ def _named(line: Options, look: str, lower: int = 0) -> Options:
 
 
 def line_series(name: str, time: Array, values: Array, look: str, *, kind: Any = None, color: str = "") -> Options:
-    """Return a line."""
+    """Return a line.
+
+    Args:
+        name: as a key or crosshair shows it.
+        time: instants, shape (n,) [s].
+        values: at the instants, shape (n,).
+        look: one of `heatertune.report.plots.LOOK`.
+        kind: dashes, as ECharts names them; None: those of the look.
+        color: "": that of the look.
+    """
     style = LOOK[look]
     color, dashes = color or style["color"], [int(length) for length in _DASHES.get(look, "").split()]
     return {

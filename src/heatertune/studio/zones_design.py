@@ -142,7 +142,15 @@ def _keywords(settings: Any) -> str:
 
 
 def typed_numbers(name: str, text: str) -> list[float]:
-    """Return numbers with commas between them; raise InputError for a text that has others."""
+    """Return numbers with commas between them; none of an empty text.
+
+    Args:
+        name: what the numbers are, for the error.
+        text: as typed.
+
+    Raises:
+        InputError: a text with anything else.
+    """
     try:
         return [float(part) for part in text.split(",") if text.strip()]
     except ValueError as problem:
