@@ -42,8 +42,6 @@ _DRAWN: Final = 6
 _STEP_DEGC: Final = 5.0
 _DEVIATION: Final = 0.4  # of a neighbour's setpoint change
 _DEVIATION_NAME: Final = "neighbour deviation [°C]"
-_OFFSET_NAME: Final = "offset at rest [°C]"
-_OFFSET: Final = 0.25  # of the tolerance, from which on an offset at rest moves what follows
 _LOAD_PCT: Final = 20.0
 _DECAY: Final = 200.0  # the loop has settled where its slowest motion is so many times smaller
 _BEYOND: Final = 1.1  # times the logged rise that a setpoint may be above the ambient
@@ -500,9 +498,9 @@ class _Prover:
                 yield label, partial(self._in_use, scaled, settings[0], [0])
             else:
                 self.not_tested.append(f"{label} (it cannot hold the setpoints)")
-        for number, setting in enumerate(settings[1:]):
+        for setting in settings[1:]:
             label = ", ".join(f"{name} = {value}" for name, value in setting.items() if value != settings[0][name])
-            yield label, partial(self._with_setting, nominal, setting, number % self.count)
+            yield label, partial(self._in_use, nominal, setting, every)
             yield f"zones started in turn, {label}", partial(self._in_turn, nominal, setting, every)
         yield "zones started in turn", partial(self._in_turn, nominal, settings[0], every)
         yield "zones started in reverse", partial(self._in_turn, nominal, settings[0], every[::-1])
@@ -558,19 +556,6 @@ class _Prover:
         duties = np.clip(network.holding_pct(self.setpoints), 0.0, 100.0)
         self.peak.count(trace, held, self.loop.period_s, math.ceil(float(duties.sum()) / 100.0 - 1e-9))
         return trace, self._judged(trace, network, phases)
-
-    def _with_setting(
-        self, network: ThermalNetwork, switches: Mapping[str, str], zone: int
-    ) -> tuple[JointTrace, list[JointCriterion]]:
-        """Run the sequence of use for one zone; for all zones where the setting of an open point leaves an offset.
-
-        Zones that rest apart from their setpoints, as behind a dead band, begin each change elsewhere.
-        """
-        trace, criteria = self._in_use(network, switches, [zone])
-        offset = max(each.value for each in criteria if each.name == _OFFSET_NAME)
-        if offset <= _OFFSET * self.specification.limits.tolerance_degC:
-            return trace, criteria
-        return self._in_use(network, switches, list(range(self.count)))
 
     def _faults(
         self, network: ThermalNetwork, zone: int, now: float, events: list[ZoneEvent], phases: list[_Phase], *,
@@ -640,7 +625,7 @@ class _Prover:
         last, rest = seen[-max(len(seen) // 5, 2):], slice(-max(len(seen) // 5, 2), None)
         where = f"zone {name}, {phase.kind}" + ("" if phase.zone < 0 else f" ({self.zones[phase.zone]})")
         make = partial(JointCriterion, where=where, cause=zone)
-        yield make(name=_OFFSET_NAME, value=float(np.abs(last.mean())), limit=limits.tolerance_degC)
+        yield make(name="offset at rest [°C]", value=float(np.abs(last.mean())), limit=limits.tolerance_degC)
         yield make(name="swing at rest [°C]", value=float(np.ptp(last)), limit=limits.tolerance_degC)
         yield make(name="error at rest [°C]", value=float(max(high[rest].max(), -low[rest].min())),
                    limit=limits.tolerance_degC)
