@@ -204,7 +204,7 @@ def test_what_is_kept_on_disk_is_loaded_for_less_work(tmp_path, place, monkeypat
     assert [machine.worth_compiling(scans, "kept", function=module.outer) for scans in (15_000, 1)] == [False, True]
     assert not machine.worth_compiling(15_001, "other", function=module.inner), "only what was compiled by itself"
     looks = []
-    monkeypatch.setattr(machine, "is_kept", looks.append)
+    monkeypatch.setattr(machine, "has_machine_code", looks.append)
     assert not any(machine.worth_compiling(4_000, "cold", function=module.outer) for _ in range(9))
     assert len(looks) == 1, "looked for once, not in every run"
 

@@ -188,7 +188,7 @@ def timetable(chance):
 def uncounted(rate):
     """Let a PLC be one that counts no scans; the clock that tells them goes so many times as fast."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(poller, "told_by", lambda _: None)
+        patch.setattr(poller, "status_of_simulator", lambda _: None)
         patch.setattr(poller, "time", SimpleNamespace(monotonic=lambda: rate * time.monotonic()))
         yield
 

@@ -269,7 +269,7 @@ def broken(library, model, design, settings, seed):
     return sorted((each for each in found if each[0] > SLACK or each[1] > SLACK), reverse=True)
 
 
-def told_of(library, model, design, settings, seed):
+def verdict_notes(library, model, design, settings, seed):
     """Return what of a design breaks a limit, and its largest overshoot after an open circuit as a share of the limit."""
     b, limits = bench_of(model, design, settings), _limits(design.proof.limits) | {"iae": math.inf}
     peak, warm = overshoots(library, b, limits)[0], restarts(library, b, limits)[0]
@@ -307,7 +307,7 @@ def main(first=0, last=6, *targets):
             proven += 1
             models = holding_heaters(fitted, setpoints_for(fitted, design.conditions)[1])
             for (name, model), settings in product(models, settings_to_prove(controller_for(target).switches)):
-                found, peak = told_of(library, model, design, settings, seed)
+                found, peak = verdict_notes(library, model, design, settings, seed)
                 most = max(most, peak)
                 if found:
                     wrong += 1

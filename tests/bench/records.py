@@ -14,9 +14,9 @@ from heatertune import virtual_plc
 from heatertune.cli import main as command
 from heatertune.codec import decode, encode
 from heatertune.errors import HeatertuneError
-from heatertune.live.write.rollback import written_in
+from heatertune.live.write.rollback import write_records
 from heatertune.proof.difference import WriteHistory
-from heatertune.report.as_left_section import written_brief
+from heatertune.report.as_left_section import writes_brief
 from tests.bench.sessions import folder_in
 
 RECORDS = 3000
@@ -70,7 +70,7 @@ def became(content, folder):
     path = folder / "damaged.jsonl"
     path.write_bytes(content)
     try:
-        found = written_in([path], folder)
+        found = write_records([path], folder)
     except HeatertuneError as problem:
         said = str(problem)
     else:
@@ -81,7 +81,7 @@ def became(content, folder):
         return "told"
     document = encode(found)
     assert decode(WriteHistory, json.loads(json.dumps(document, allow_nan=False)), "written.json") == found
-    assert written_brief(document, "report.html")
+    assert writes_brief(document, "report.html")
     return "shown"
 
 

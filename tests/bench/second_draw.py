@@ -66,7 +66,7 @@ def given(bench, row, sizes, noise, late):
                    lates=np.ascontiguousarray(late) if bench.jitter else None)
 
 
-def told_of(bench, document, settings):
+def verdict_notes(bench, document, settings):
     """Return the bench whose story is that of all plausible heaters."""
     return replace(bench, family=tuple(each[:4] for each in possible(document, bench.setpoint)), settings=settings)
 

@@ -50,7 +50,7 @@ from heatertune.proof.redesign.on_samples import closed_on_samples
 from heatertune.settings import Conditions, SampleSettings, TuneSettings
 from tests.bench.close_calls import COUNTED, SLACK, apart, by_a_hair, differ, keeps, named, told
 from tests.bench.outages import bench_of
-from tests.bench.second_draw import drawn, given, inputs_of, inputs_of_rows, possible, told_of
+from tests.bench.second_draw import drawn, given, inputs_of, inputs_of_rows, possible, verdict_notes
 from tests.bench.second_opinion import SWITCHES, TARGETS, compiled, story
 from tests.bench.zones import heater, log_text
 
@@ -178,7 +178,7 @@ def plain_of(case):
     gain, lags, dead, ambient, _ = possible(case.document, case.design.conditions.highest_degC)[0]
     model, conditions = Fopdt(gain_degC_per_pct=gain, time_constant_s=lags[0], dead_time_s=dead, ambient_degC=ambient), case.design.conditions
     limits = case.limits
-    return told_of(replace(
+    return verdict_notes(replace(
         bench_of(model, case.design, case.settings[0]), tolerance=conditions.tolerance_degC or 1.0, noise=conditions.noise_degC, jitter=case.jitter,
         asked_low=conditions.lowest_degC, heats_in=limits.get("settling_time", 0.0), recovers_in=limits.get("recovery_time", 0.0)),
         case.document, case.settings[0])
@@ -201,7 +201,7 @@ def judged(library, case, samples, rng):
     more, more_kept = programs(case, drawing, MORE, case.seed + 1_000_000)
     own = drawn(plain, document, samples, rng)
     for setting, settings in enumerate(case.settings):
-        bench = told_of(plain, document, settings)
+        bench = verdict_notes(plain, document, settings)
         seen = []
         for number in range(samples):
             its = {name: float(value[setting, number]) for name, value in values.items()}
@@ -212,11 +212,11 @@ def judged(library, case, samples, rng):
                 found.unexplained.append(f"{settings} seed {case.seed + number}: kept {kept[setting, number]} and {seen[-1]}; "
                                          f"{apart(its, mine)}")
         others = [told(library, replace(each, settings=settings), case.limits) for each in own]
-        kept_by = sum(map(keeps, others))
-        found.shares.append((case.design.proof.samples.settings[setting].passing_count, sum(seen), kept_by))
+        timer_interval_s = sum(map(keeps, others))
+        found.shares.append((case.design.proof.samples.settings[setting].passing_count, sum(seen), timer_interval_s))
         of_more = int(more_kept[setting].sum())
-        p = fisher_exact([[kept_by, samples - kept_by], [of_more, MORE - of_more]])[1]
-        found.tests.append((float(p), f"share under {settings}: {kept_by / samples:.3f} and {of_more / MORE:.3f}"))
+        p = fisher_exact([[timer_interval_s, samples - timer_interval_s], [of_more, MORE - of_more]])[1]
+        found.tests.append((float(p), f"share under {settings}: {timer_interval_s / samples:.3f} and {of_more / MORE:.3f}"))
         found.tests += [(_alike([each[name][0] for each in others], more[name][setting], 2.0 * COUNTED.get(name, SLACK)),
                          f"{name} under {settings}") for name in others[0] if name in more]
     found.tests += inputs_alike(drawing, plain, document, rng)

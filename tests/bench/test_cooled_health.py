@@ -2,7 +2,7 @@
 
 import pytest
 
-from heatertune.proof.verdict import told_by_kind
+from heatertune.proof.verdict import notes_by_kind
 from tests.bench.cooled_health import main
 
 
@@ -13,6 +13,6 @@ def test_a_loop_that_heats_and_cools_is_judged_and_each_gain_is_compared():
 
 def test_degrees_taken_from_a_room_are_an_assumption_of_the_verdict():
     finding = {"name": "begins-as-room", "effect": "told", "message": "", "accepted": False}
-    told = told_by_kind({"findings": [finding], "not_tested": [], "assumed": {}, "remarks": []})
+    told = notes_by_kind({"findings": [finding], "not_tested": [], "assumed": {}, "remarks": []})
     assert told["assumed"] == ["assumed: the temperature is in °C, as the log begins like a room in °C"]
     assert told["not known"] == []

@@ -14,7 +14,7 @@ from heatertune.plc.single_precision import single
 from heatertune.proof.heaters import holding_heaters
 from heatertune.proof.prove_words import prove, setpoints_for
 from heatertune.proof.redesign import find_passing_design
-from heatertune.proof.repetition import made_again
+from heatertune.proof.repetition import repeat_words
 from tests.bench import second_opinion
 from tests.bench.false_passes import _limits
 from tests.bench.outages import SHORT_SLACK, Night, asked, bench_of, changes, logged, low_overshoots, restarts
@@ -198,4 +198,4 @@ def test_a_design_widens_marlins_window_where_the_loop_falls_out_of_it(tmp_path,
     loaded = replace(model, ambient_degC=model.ambient_degC - 10.0 * model.gain_degC_per_pct)
     for heater in (model, loaded):
         assert not any(_stays(compiled(tmp_path), heater, design, monkeypatch))
-    assert made_again(design.ideal, model_by_hand(model), design.recipe).words == design.proof.words
+    assert repeat_words(design.ideal, model_by_hand(model), design.recipe).words == design.proof.words

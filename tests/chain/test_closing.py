@@ -19,7 +19,7 @@ from heatertune.proof.design_request import DesignRequest, plainly
 from heatertune.proof.nearest_specification import passing_settings, tolerance_that_passes
 from heatertune.proof.redesign import find_passing_design, redesign_search
 from heatertune.proof.redesign.design_changes import DesignChange
-from heatertune.proof.repetition import apply_provenance, demand_same_files, files_of, made_again
+from heatertune.proof.repetition import apply_provenance, demand_same_files, files_of, repeat_words
 from heatertune.proof.ripple_and_wear import ripple_degC
 from heatertune.proof.specification import Specification
 from heatertune.settings import Conditions, TuneSettings
@@ -36,7 +36,7 @@ def _again(closed_design, model):
     """Return the proof of what the design's own document, as JSON, makes again of it."""
     text = json.dumps(to_document(closed_design.ideal, model, closed_design.recipe))
     view = decode(PidView, json.loads(text), "pid.json")
-    choice = made_again(view.value, view.model.value, view.made_for)
+    choice = repeat_words(view.value, view.model.value, view.made_for)
     return prove(choice.words, view.model.value, view.made_for.conditions)
 
 

@@ -18,7 +18,7 @@ from heatertune.proof.monte_carlo.run import run_samples, with_samples
 from heatertune.proof.proof_document import check_document
 from heatertune.proof.redesign import closed_on_runs, on_samples
 from heatertune.proof.redesign.on_samples import closed_on_samples
-from heatertune.proof.repetition import made_again
+from heatertune.proof.repetition import repeat_words
 from heatertune.proof.verdict import verdict_line
 from heatertune.settings import Conditions, SampleSettings
 
@@ -89,7 +89,7 @@ def test_a_design_that_too_few_drawn_heaters_bear_is_made_for_them_too_and_judge
 
 def test_the_design_that_is_written_makes_the_same_words_again(found):
     view = decode(PidView, json.loads(json.dumps(to_document(found.ideal, HEATER, found.recipe))), "pid.json")
-    again = made_again(view.value, view.model.value, view.made_for)
+    again = repeat_words(view.value, view.model.value, view.made_for)
     assert again.words == found.proof.words == found.choice.words
     assert view.made_for.conditions.setpoint_degC is None, "as it was asked for"
     assert prove(again.words, HEATER, view.made_for.conditions).verdict == "PASS"

@@ -151,7 +151,7 @@ def test_a_folder_without_a_proof_is_told(design_folder, capsys):
 
 
 def test_who_has_seen_nothing_says_so_and_is_not_well(folder, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("heatertune.live.commands.record_watch.asked_to_end", lambda: nullcontext([1]))  # Ctrl-C before the first look
+    monkeypatch.setattr("heatertune.live.commands.record_watch.end_requests", lambda: nullcontext([1]))  # Ctrl-C before the first look
     with virtual_plc(folder, **FAST) as plc:
         status = main(["watch", way(plc, "s7").text, "--design", str(folder), "-o", str(tmp_path / "log.csv"), "--quiet"])
     assert (status, "nothing was seen" in capsys.readouterr().out) == (1, True)
@@ -285,7 +285,7 @@ def test_a_link_that_is_lost_and_not_back_is_not_well(folder, tmp_path, capsys, 
             self.more -= plc.plc.ended
             return self.more < 0
 
-    monkeypatch.setattr("heatertune.live.commands.record_watch.asked_to_end", lambda: nullcontext(Ended()))
+    monkeypatch.setattr("heatertune.live.commands.record_watch.end_requests", lambda: nullcontext(Ended()))
     # cut 2 s after the start, so that a slow machine has looked before
     with virtual_plc(folder, faults=["t=300 cut"], **FAST | {"intervals": 300, "rate": 150.0}) as plc:
         status = main(["watch", way(plc, "s7").text, "--design", str(folder), "-o", str(tmp_path / "log.csv"), "--quiet"])

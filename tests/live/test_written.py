@@ -15,7 +15,7 @@ from heatertune.chain.pipeline import redraw, write_report
 from heatertune.cli import main
 from heatertune.codec import read_document
 from heatertune.errors import DocumentError
-from heatertune.live.write.rollback import written_in
+from heatertune.live.write.rollback import write_records
 from heatertune.pid.design_document import read_design
 from heatertune.proof.difference import WRITTEN_SCHEMA
 from heatertune.proof.verdict import PROOF_SCHEMA
@@ -49,7 +49,7 @@ def record(made, tmp_path):
         lines = change([json.loads(line) for line in content.splitlines()])
         path = tmp_path / name
         path.write_bytes(b"\n".join(json.dumps(line).encode() for line in lines) + end)
-        return written_in([path], folder)
+        return write_records([path], folder)
 
     return told
 

@@ -19,11 +19,11 @@ from heatertune.loops.measures import (
     at_limit,
     average_log,
     course_of,
-    found_period_s,
     list_loops,
     offset_degC,
     read_list,
     swings,
+    switching_period_s,
     switchings_per_h,
 )
 from heatertune.loops.unlogged_loads import with_duty, without_loads
@@ -75,7 +75,7 @@ def test_a_switch_tells_its_period_and_how_often_it_switches():
     time = np.arange(0.0, 3600.0, 0.5)
     log = Log(name="switch", source="test", time_s=time, temperature_degC=50.0 + 0.1 * np.sin(time), power_pct=np.where(
         time % 7.3 < 3.0, 100.0, 0.0), setpoint_degC=np.full(len(time), 50.0))
-    assert found_period_s(log) == pytest.approx(7.3, rel=0.005)
+    assert switching_period_s(log) == pytest.approx(7.3, rel=0.005)
     assert switchings_per_h(log, None) == pytest.approx(2 * 3600 / 7.3, rel=0.01)
     thin = average_log(log, 7.3)
     assert len(thin.time_s) < 1600
@@ -110,10 +110,10 @@ def test_a_duty_is_found_finer_than_the_rows_of_its_switch():
     """Beside the duty itself, which the bench's PI asked for; a constant part acts as a warmer room and may stay."""
     loop = of("sluggish", cold=False, duty=False, interval=1.0)
     log, asked = log_of(loop), log_of(replace(loop, duty=True)).power_pct
-    off = with_duty(log, found_period_s(log)).power_pct - asked
+    off = with_duty(log, switching_period_s(log)).power_pct - asked
     assert float(np.std(off[len(off) // 10:])) < 0.25 * 100.0 / loop.pwm  # a row of a second
     random = replace(log, temperature_degC=np.random.default_rng(1).normal(50.0, 5.0, len(asked)))
-    assert with_duty(random, found_period_s(log)) is random
+    assert with_duty(random, switching_period_s(log)) is random
 
 
 def test_a_loop_that_swings_as_it_nears_its_setpoint_swings():

@@ -22,7 +22,7 @@ from heatertune.plc import (
     controller_for,
     count,
 )
-from heatertune.plc.words import kept_by, round_to_word
+from heatertune.plc.words import round_to_word, timer_interval_s
 
 PLC = ROOT / "src" / "heatertune" / "plc"
 DESIGN = PidDesign(gain_pct_per_degC=1.45, integral_time_s=100.0, derivative_time_s=0.0, sample_time_s=2.0, structure="pi",
@@ -166,7 +166,7 @@ def test_an_interval_that_a_timer_cannot_keep_is_refused_in_one_wording(target, 
 
 
 def test_an_interval_is_kept_as_the_timer_counts_it():
-    assert kept_by(Timer(shortest_s=0.1, longest_s=9.0, step_s=0.1), 0.1 + 0.2) == 0.3
+    assert timer_interval_s(Timer(shortest_s=0.1, longest_s=9.0, step_s=0.1), 0.1 + 0.2) == 0.3
 
 
 WHOLE = WordField(name="N", address="1", format="INT", low=-99, high=99, comment="")

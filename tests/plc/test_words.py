@@ -10,7 +10,7 @@ from heatertune.pid.design_values import PidDesign, Timer, structure_of
 from heatertune.plc import Certificate, Scaling, WordField, Words, controller_for
 from heatertune.plc.s5_ob251.export import to_image
 from heatertune.plc.s5_ob251.words import most_gain
-from heatertune.plc.words import check_fields, holds, kept_by, round_half_away, round_to_word
+from heatertune.plc.words import check_fields, holds, round_half_away, round_to_word, timer_interval_s
 
 SINGLE = (2.0 - 2.0**-23) * 2.0**127
 DAY_MS = 24 * 3600 * 1000
@@ -80,10 +80,10 @@ def test_halves_are_rounded_away_from_zero(value, whole):
 def test_a_timer_keeps_a_millionth_of_its_step_and_names_the_nearest_that_it_keeps(interval, kept):
     timer = Timer(shortest_s=0.5, longest_s=10.0, step_s=0.5)
     if isinstance(kept, float):
-        assert kept_by(timer, interval) == kept
+        assert timer_interval_s(timer, interval) == kept
         return
     with pytest.raises(NotRepresentable, match=rf"allowed 0\.5…10 s in steps of 0\.5 s; {kept} s would fit"):
-        kept_by(timer, interval)
+        timer_interval_s(timer, interval)
 
 
 def test_a_scaling_is_0_to_100_and_a_certificate_not_forced_unless_told_so():

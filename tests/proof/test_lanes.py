@@ -155,7 +155,7 @@ def test_an_order_of_heaters_brings_those_together_that_are_switched_at_like_ins
 def test_only_work_that_pays_for_the_compiler_is_done_side_by_side(monkeypatch):
     controller = drawing_of("s5-ob251").controllers[0]
     monkeypatch.setattr(choice, "_asked", Counter())
-    monkeypatch.setattr(machine, "is_kept", lambda _: False)
+    monkeypatch.setattr(machine, "has_machine_code", lambda _: False)
 
     def pays(scans):
         return choice.pays(controller, PWM, scans, two_lags=False)
@@ -164,7 +164,7 @@ def test_only_work_that_pays_for_the_compiler_is_done_side_by_side(monkeypatch):
     choice._asked.clear()
     assert sum(not pays(10**7) for _ in range(20)) in range(3, 10), "many small works are a large one"
     choice._asked.clear()
-    monkeypatch.setattr(machine, "is_kept", lambda _: True)
+    monkeypatch.setattr(machine, "has_machine_code", lambda _: True)
     assert [pays(scans) for scans in (10**5, 10**6)] == [False, True], "what is kept need only be loaded"
     monkeypatch.setattr(machine, "_decided", [False])
     assert not pays(10**9)

@@ -29,7 +29,7 @@ from heatertune.proof.proof_document import check_document
 from heatertune.proof.scenario import PlcPower, Scenario, SetpointRampEvent, delay_heater, kinds_of, phases_of
 from heatertune.proof.spec_file import in_force, read_spec, spec_text
 from heatertune.proof.test_sequence import LoopTiming
-from heatertune.proof.verdict import told_of, verdict_line
+from heatertune.proof.verdict import verdict_line, verdict_notes
 
 #: 100 s of lag; at full power it can go up to 120 °C
 HEATER = Fopdt(gain_degC_per_pct=1.0, time_constant_s=100.0, dead_time_s=2.0, ambient_degC=20.0)
@@ -356,7 +356,7 @@ def test_a_proof_is_made_where_the_profile_leads_and_says_so(proven):
     assert check_document(document, "proof.json")["specification"]["profile"]["name"] == "firing.csv"
     along = "along the profile firing.csv (2 segments, sha256 "
     assert along in verdict_line(document)
-    assert any(line.startswith(along) for line in told_of(document)), "what the head of an export says"
+    assert any(line.startswith(along) for line in verdict_notes(document)), "what the head of an export says"
 
 
 @pytest.mark.parametrize(("name", "changes"), [

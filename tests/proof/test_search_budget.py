@@ -7,7 +7,7 @@ from heatertune.plc import Scaling
 from heatertune.proof import prove
 from heatertune.proof import runs as search_budget
 from heatertune.proof.redesign import DesignRequest, find_passing_design
-from heatertune.proof.runs import SearchBudget, count_scans, judged_once, outside_budget
+from heatertune.proof.runs import SearchBudget, count_scans, judge_once, outside_budget
 from heatertune.settings import Conditions, TuneSettings
 
 #: the plain optimum at Ms 2 overshoots; other gains and a setpoint ramp mend it
@@ -56,7 +56,7 @@ def test_other_errors_leave_a_budget_as_they_are():
 def test_what_was_simulated_earlier_counts_as_well():
     words = find_passing_design(HEATER, DesignRequest(target="fb41", conditions=ASKED.conditions, as_is=True)).proof.words
     used = []
-    with judged_once():
+    with judge_once():
         for _ in range(2):
             with SearchBudget() as budget:
                 prove(words, HEATER, ASKED.conditions)
@@ -93,7 +93,7 @@ def test_of_what_winds_up_the_best_so_far_is_returned_and_the_same_request_ends_
     told = "the search ended after 8 million simulated scans, its budget; this is the best so far"
     assert told in first.proof.diagnostics.remarks
     assert any(told[1:] in note for note in first.notes)
-    with judged_once():
+    with judge_once():
         prove(first.proof.words, model_by_hand(plant), first.conditions)
         again = find_passing_design(model_by_hand(plant), asked)
     assert _signature(again) == _signature(first)

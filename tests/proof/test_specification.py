@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from heatertune.errors import DocumentError, HeatertuneError, InputError, OutOfRange, UnknownName
 from heatertune.proof.criteria import LIMITS, LoopLimits
-from heatertune.proof.prove_words import told_of_aim, tune_settings_for
+from heatertune.proof.prove_words import aim_sentences, tune_settings_for
 from heatertune.proof.spec_file import in_force, read_spec, spec_text, specification_of
 from heatertune.proof.specification import PRESETS, limits_from, preset
 from heatertune.proof.test_sequence import TestSequence
@@ -149,8 +149,8 @@ def test_a_design_aims_at_what_the_user_specified_and_says_where_that_is_less_th
     assert (general.ms, general.step_power_pct) == (2.0, 10.0)
     tuned = tune_settings_for(asked, Conditions(limit=("ms=1.7",)))
     assert tuned.ms == 1.7
-    assert told_of_aim(asked, tuned) == ("Ms <= 1.7 instead of 2.5, as the specification requires.",)
-    assert told_of_aim(asked, asked) == ()
+    assert aim_sentences(asked, tuned) == ("Ms <= 1.7 instead of 2.5, as the specification requires.",)
+    assert aim_sentences(asked, asked) == ()
 
 
 def test_a_pipe_that_nobody_writes_to_is_refused_at_once(tmp_path):

@@ -24,9 +24,9 @@ from heatertune.proof.verdict import (
     FitDiagnosticsView,
     combined_verdict,
     derived_verdict,
-    told_of,
     verdict_first,
     verdict_line,
+    verdict_notes,
     verdict_of_samples,
 )
 from heatertune.proof.words_file import certificate, demand_same_words, words_of
@@ -100,7 +100,7 @@ def test_words_that_fail_fail_whatever_else_is_open(proven):
 
 def test_what_the_user_knows_stands_in_the_certificate(proven):
     document = proven(assumed={"dead_time_at_most_s": 8.0, "sensor_delay_s": 0.5}, remarks=("by hand",)).to_document()
-    assert told_of(document) == ["assumed: dead time at most 8 s", "assumed: sensor delay of 0.5 s", "by hand"]
+    assert verdict_notes(document) == ["assumed: dead time at most 8 s", "assumed: sensor delay of 0.5 s", "by hand"]
     head = certificate(document).head
     assert head[:2] == ("verdict of the proof: PASS", "proven at 53.3 °C in 1 run on 1 plausible heater")
     assert "assumed: dead time at most 8 s" in head

@@ -167,7 +167,7 @@ def test_a_fault_while_heaters_are_drawn_is_told_and_can_be_tried_again(work, mo
 
     async def story():
         await work.look()
-        monkeypatch.setattr(module, "on_drawn_heaters", fail)
+        monkeypatch.setattr(module, "results_on_samples", fail)
         await work.draw()
 
     asyncio.run(story())

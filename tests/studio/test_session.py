@@ -13,7 +13,7 @@ from heatertune.model.model_values import Candidate, model_by_hand
 from heatertune.pid.design_document import DesignProvenance
 from heatertune.plc import controller_for
 from heatertune.proof.monte_carlo.run import with_samples
-from heatertune.proof.repetition import made_again
+from heatertune.proof.repetition import repeat_words
 from heatertune.settings import Conditions, SampleSettings
 from heatertune.studio.loop_settings import StudioSettings, find_design, first_look, full_proof
 from heatertune.studio.session import MOST_PINNED, Session, read_source
@@ -101,7 +101,7 @@ def test_what_comes_late_is_kept_but_not_shown(session):
     assert not session.proof_done(ticket, full_proof(session.fitted, first))
     assert session.proof is None
     session.change(ms=1.6)
-    assert session.known_look()
+    assert session.show_remembered()
     assert session.verdict == "PASS"
 
 
@@ -147,7 +147,7 @@ def test_designs_of_the_last_heater_are_not_shown_for_the_next(session, heater, 
     assert session.verdict == "PASS"  # until the next heater is known, the last one stays
     session.fit_done(ticket, heater)
     assert (session.look, session.pinned_designs, session.verdict) == (None, (), "no design")
-    assert not session.known_look()
+    assert not session.show_remembered()
 
 
 def test_a_refused_setting_changes_nothing_and_tells_why(session):
@@ -157,7 +157,7 @@ def test_a_refused_setting_changes_nothing_and_tells_why(session):
     assert session.settings == before
     assert "high_degC" in session.error
     assert session.verdict == "no design"
-    assert session.known_look()
+    assert session.show_remembered()
     assert session.error == ""
 
 
@@ -194,7 +194,7 @@ def test_a_proof_that_is_refused_is_not_tried_again(session):
     session.proof_refused(session.ticket, InputError("model b: cannot hold it"))
     assert session.unproven() == []
     assert session.error == "model b: cannot hold it"
-    session.known_look()
+    session.show_remembered()
     assert session.error == "model b: cannot hold it"
 
 
@@ -271,7 +271,7 @@ def test_a_folder_of_a_design_is_opened_with_its_heater_and_settings(tmp_path):
 def _written(folder, design, recipe, drawn=None):
     """Write the documents of a design into a folder, as `heatertune design` does; return their proof."""
     fitted = model_by_hand(HEATER)
-    words = made_again(design, fitted, recipe).words
+    words = repeat_words(design, fitted, recipe).words
     proof = with_samples(chain.prove(words, fitted, recipe.conditions), fitted, drawn or SampleSettings(), recipe.conditions)
     documents = dossier(own_log(), fitted, design, proof, chain.export(words, proof, force=True), None, recipe)
     write_files(folder, {f"{name}.json": to_json(document) for name, document in documents.items()})

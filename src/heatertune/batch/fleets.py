@@ -33,7 +33,7 @@ from heatertune.proof.redesign import DesignRequest
 from heatertune.proof.redesign.on_samples import closed_on_samples
 from heatertune.proof.spec_file import specification_of
 from heatertune.proof.text_comparison import as_exported
-from heatertune.proof.verdict import samples_told
+from heatertune.proof.verdict import samples_text
 from heatertune.settings import FitSettings, ReadSettings
 from heatertune.writing import read_bytes, read_text
 
@@ -182,7 +182,7 @@ def _reasons(proof: Proof) -> Iterator[str]:
         yield f"not kept: {', '.join(proof.broken_criteria)}"
     yield from (f"not proven: {name}" for name in proof.diagnostics.blocking)
     if proof.samples is not None and proof.samples.verdict != "PASS":
-        yield samples_told(proof.samples.to_document())
+        yield samples_text(proof.samples.to_document())
 
 
 def _sampled(proof: Proof) -> Row:

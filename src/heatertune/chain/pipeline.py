@@ -40,7 +40,7 @@ from heatertune.pid.tune import stated_problem
 from heatertune.plc import Words, controller_for
 from heatertune.plc.design import loop_fit, stated_scaling
 from heatertune.plc.feed_forward import feed_forward as line_for
-from heatertune.plc.targets import TARGETS, target_named
+from heatertune.plc.targets import TARGETS, target_by_name
 from heatertune.plc.word_selection import search_document
 from heatertune.processors import ProgressCallback, log_progress
 from heatertune.proof import Proof
@@ -79,8 +79,8 @@ if TYPE_CHECKING:
     from heatertune.keywords import DesignOptions
 
 __all__ = [
-    "TYPICAL_S", "ChainResult", "FedForward", "as_left_in", "design", "dossier", "feed_forward", "files_of", "redraw",
-    "related_documents", "write_report",
+    "TYPICAL_S", "ChainResult", "FedForward", "as_left_in", "design", "dossier", "feed_forward", "files_of",
+    "redraw", "related_documents", "write_report",
 ]
 
 
@@ -329,7 +329,7 @@ def _requested(request: DesignRequest | None, keywords: Keywords) -> DesignReque
         also=(*_OWN, "request", "out", "read", "fitted_with", "force", "progress"))
     if own["target"] is None:
         raise InputError(f"no target: name the controller, one of {', '.join(TARGETS)}")
-    target = target_named(own["target"])
+    target = target_by_name(own["target"])
     return DesignRequest(
         target=target, scaling=stated_scaling(target, None, sensing),
         tune_settings=merge_options(TuneSettings, None, tuning), conditions=merge_options(Conditions, None, proving),

@@ -25,7 +25,7 @@ from typing import IO, Any, Final, NamedTuple
 
 from heatertune.cache import folder
 from heatertune.codec import encode
-from heatertune.compiled import is_kept, machine_code, made_beside
+from heatertune.compiled import compile_elsewhere, has_machine_code, machine_code
 from heatertune.processors import processors
 
 __all__ = ["OPINION", "Worker", "text_for", "work_alongside"]
@@ -150,7 +150,7 @@ def work_alongside(target: str) -> Iterator[Worker]:
     try:
         missing = _missing(target)  # imports the same modules as the first process
         second.compile(missing)
-        with made_beside({loop: partial(second.waits, name) for name, loop in missing.items()}):
+        with compile_elsewhere({loop: partial(second.waits, name) for name, loop in missing.items()}):
             yield second
     finally:
         process.kill()
@@ -179,7 +179,7 @@ def _missing(target: str) -> dict[str, Callable[..., Any]]:
     """Return the loops that are not cached, by target: of a controller and of the two-level control for comparison."""
     from heatertune.chain.worker import loops
 
-    return {} if folder() is None else {name: loop for name, loop in loops(target) if not is_kept(loop)}
+    return {} if folder() is None else {name: loop for name, loop in loops(target) if not has_machine_code(loop)}
 
 
 def _begun() -> subprocess.Popen[bytes] | None:

@@ -20,7 +20,7 @@ from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Scaling, Words, controller_for
 from heatertune.plc.design import encode as round_words
 from heatertune.plc.design import stated_scaling
-from heatertune.plc.targets import target_named
+from heatertune.plc.targets import target_by_name
 from heatertune.plc.word_selection import choose_words
 from heatertune.processors import ProgressCallback, log_progress
 from heatertune.proof import Proof
@@ -212,7 +212,7 @@ def encode(
         InputError: both `scaling` and fields of `SensorSettings`, or a model-based choice without a model.
         NotRepresentable: a parameter does not fit; the error names the nearest change that would.
     """
-    target = target_named(target)
+    target = target_by_name(target)
     scaling = stated_scaling(target, scaling, changed, also=("target", "fitted", "scaling", "words_by"))
     if fitted is None:
         if words_by == "optimum":

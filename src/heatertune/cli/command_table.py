@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BUILT_IN", "COMMAND_MODULES", "FIRST_OPTIONS", "Command", "command", "current_options", "demand_files",
-    "design_zones", "read_settings", "settings_file", "with_user_settings", "written_in",
+    "design_zones", "read_settings", "settings_file", "with_user_settings", "write_records",
 ]
 
 #: command, in the order of the help → its module in heatertune
@@ -144,9 +144,9 @@ def design_zones(settings: Namespace) -> int:
     return int(import_module("heatertune.zones.command").run(settings))
 
 
-def written_in(paths: Sequence[str], directory: str) -> WriteHistory:
-    """Read the records of writes that a report is to show; errors as `heatertune.live.write.rollback.written_in`."""
-    history: WriteHistory = import_module("heatertune.live.write.rollback").written_in(paths, directory)
+def write_records(paths: Sequence[str], directory: str) -> WriteHistory:
+    """Read the records of writes that a report is to show; errors as `heatertune.live.write.rollback.write_records`."""
+    history: WriteHistory = import_module("heatertune.live.write.rollback").write_records(paths, directory)
     return history
 
 

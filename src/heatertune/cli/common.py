@@ -18,7 +18,7 @@ from heatertune.codec import peek_schema
 from heatertune.errors import InputError, UnknownName, did_you_mean
 from heatertune.options import point_of
 from heatertune.plc.open_points import settings_of
-from heatertune.plc.targets import COOLING, FAITHFUL, NAMES, target_named
+from heatertune.plc.targets import COOLING, FAITHFUL, NAMES, target_by_name
 from heatertune.settings import (
     Conditions,
     FitSettings,
@@ -41,7 +41,7 @@ __all__ = [
     "FULL", "CommandParser", "CommandStub", "add_condition_options", "add_log_options", "add_model_options",
     "add_proof_options", "add_reading_options", "add_tuning_options", "add_word_options", "again", "by_hand",
     "conditions", "demand_folder", "design_and_model", "design_request", "interval_by_words", "model_from",
-    "proof_asked", "reading", "sample_time", "scaling", "target", "words_of_machine",
+    "reading", "sample_time", "scaling", "target", "wants_proof", "words_of_machine",
 ]
 
 
@@ -310,7 +310,7 @@ def add_proof_options(command: argparse.ArgumentParser, *, target: str | None = 
     group = command.add_argument_group("target")
     default = "" if target is None else f" (default: {target})"
     group.add_argument("--target", required=needed and target is None, default=target, metavar="NAME",
-                       type=target_named,
+                       type=target_by_name,
                        help=f"the controller (see: heatertune targets): {', '.join(NAMES)}{default}")
     group.add_argument("--as-printed", action="store_true",
                        help="the program exactly as its source prints it, with its faults (s7-200)")
@@ -454,7 +454,7 @@ def words_of_machine(settings: argparse.Namespace, path: str) -> Machine:
                         scaling=scaling(settings), source=path, stated=conditions(settings).switches)
 
 
-def proof_asked(settings: argparse.Namespace) -> bool:
+def wants_proof(settings: argparse.Namespace) -> bool:
     """Return whether an option asks for a proof of its own: a heater by hand, another condition, a ramp, no boost."""
     heard = {"accept"}  # an export hears these without another proof
     other = options.provided_options(Conditions, settings).keys() - heard

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from heatertune import chain, options, plc, report
 from heatertune.cli import common, printing
-from heatertune.cli.command_table import written_in
+from heatertune.cli.command_table import write_records
 from heatertune.cli.saved_design import ProofSource, proof_source, redesign_command, target_in
 from heatertune.codec import DATA, to_json
 from heatertune.errors import DocumentError, ExportRefused, InputError
@@ -160,7 +160,7 @@ def _run_report(settings: argparse.Namespace) -> int:
         return 0 if left["verdict"] == "AS PROVEN" and is_done else 1
     if written is not None:
 
-        printing.output(settings, documents["written"], lambda: report.written_brief(documents["written"], str(page)))
+        printing.output(settings, documents["written"], lambda: report.writes_brief(documents["written"], str(page)))
         return 0 if is_done else 1
     printing.output(settings, documents, lambda: f"{report.summary(documents)}\n{page}",
                     brief=lambda: report.design_brief(documents, settings.directory),
@@ -169,7 +169,7 @@ def _run_report(settings: argparse.Namespace) -> int:
 
 
 def _written(settings: argparse.Namespace) -> WriteHistory | None:
-    return None if settings.record is None else written_in(settings.record, settings.directory)
+    return None if settings.record is None else write_records(settings.record, settings.directory)
 
 
 EXPORT_DB_EXAMPLE = "example: heatertune export-db pid.json --target s5-ob251 -o out/"
@@ -198,7 +198,7 @@ def _run_export_db(settings: argparse.Namespace) -> int:
     from heatertune.proof.verdict import verdict_line
     from heatertune.proof.words_file import export_first
 
-    again = None if common.proof_asked(settings) else _exported_again(settings)
+    again = None if common.wants_proof(settings) else _exported_again(settings)
     proven = again or _proven(settings)
     document = proven["words"]
     documents = {"words.json": to_json(document), "proof.json": to_json(proven["proof"])}

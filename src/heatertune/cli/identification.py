@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from heatertune import chain, options, report
 from heatertune.cli import common, printing
-from heatertune.cli.saved_design import add_known_options, known_words
+from heatertune.cli.saved_design import add_known_options, controller_words
 from heatertune.codec import plain
 from heatertune.errors import InputError
 from heatertune.settings import FitSettings, ValidateSettings
@@ -122,7 +122,7 @@ def _run_validate(settings: argparse.Namespace) -> int:
     log = chain.read_log(settings.log, common.reading(settings))
     printing.tell_taken(settings, [log], progress)
     verdict = chain.validate(
-        model, log, options.of(ValidateSettings, settings), words=known_words(settings, [log]),
+        model, log, options.of(ValidateSettings, settings), words=controller_words(settings, [log]),
         setpoint_degC=common.conditions(settings).highest_degC, stated=common.conditions(settings).switches,
     )
     document = to_document(verdict)
@@ -295,7 +295,7 @@ def _run_fit(settings: argparse.Namespace) -> int:
 def _fitted(settings: argparse.Namespace, logs: Sequence[Log], progress: printing.Progress) -> FittedModel:
 
     given = options.of(FitSettings, settings)
-    words = known_words(settings, logs)
+    words = controller_words(settings, logs)
     if words is not None:
         its = common.conditions(settings)
         return chain.fit_known(

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 from heatertune import __version__, options, plc
 from heatertune.cli import printing
 from heatertune.codec import encode
-from heatertune.plc.targets import NAMES, target_named
+from heatertune.plc.targets import NAMES, target_by_name
 from heatertune.report.layout import table
 from heatertune.settings import Conditions
 from heatertune.writing import write_files
@@ -171,7 +171,7 @@ def add_bench(commands: Any) -> None:
                     "alternating with references; print the minimum, median and maximum of each. It takes about twenty "
                     "seconds, longer when a loop is compiled for the first time.",
     )
-    command.add_argument("--target", default="s5-ob251", metavar="NAME", type=target_named,
+    command.add_argument("--target", default="s5-ob251", metavar="NAME", type=target_by_name,
                          help=f"one of {', '.join(NAMES)}")
     command.add_argument("--samples", type=int, default=1000, metavar="N",
                          help="how many samples of 3,000 s are run on one processor and on all (default 1000)")

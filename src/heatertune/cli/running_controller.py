@@ -10,7 +10,7 @@ from heatertune import chain, options, plc, report
 from heatertune.cli import common, printing
 from heatertune.cli.saved_design import in_force
 from heatertune.errors import InputError
-from heatertune.plc.targets import NAMES, target_named
+from heatertune.plc.targets import NAMES, target_by_name
 from heatertune.settings import Conditions, SensorSettings
 from heatertune.units import check
 
@@ -34,7 +34,7 @@ def add_diff(commands: Any) -> None:
     )
     command.add_argument("before", metavar="A", help="the parameters before")
     command.add_argument("after", metavar="B", help="the parameters after")
-    command.add_argument("--target", metavar="NAME", type=target_named,
+    command.add_argument("--target", metavar="NAME", type=target_by_name,
                          help=f"the controller, if neither file names it: {', '.join(NAMES)}")
     command.add_argument("--called-every", type=float, metavar="S",
                          help="sampling interval TA of a dump or text [s] (default: as in the other)")
@@ -75,7 +75,7 @@ def add_replay(commands: Any) -> None:
                     "own units, setpoint and process variable first (their names: heatertune targets).",
     )
     command.add_argument("inputs", metavar="INPUTS", help="CSV file with a header, one row per scan")
-    command.add_argument("--target", required=True, metavar="NAME", type=target_named,
+    command.add_argument("--target", required=True, metavar="NAME", type=target_by_name,
                          help=f"the controller: {', '.join(NAMES)}")
     command.add_argument("--words", required=True, metavar="FILE", help="words.json as written by export-db")
     options.add(

@@ -27,8 +27,10 @@ if TYPE_CHECKING:
     from heatertune.plc import Words
     from heatertune.plc.word_selection import WordChoice
 
-__all__ = ["ProofSource", "add_known_options", "in_force", "known_words", "proof_source", "redesign_command",
-           "target_in"]
+__all__ = [
+    "ProofSource", "add_known_options", "controller_words", "in_force", "proof_source", "redesign_command",
+    "target_in",
+]
 
 
 def add_known_options(command: argparse.ArgumentParser) -> None:
@@ -42,7 +44,7 @@ def add_known_options(command: argparse.ArgumentParser) -> None:
                 help="known setting of an open point (see: heatertune targets); may be repeated")
 
 
-def known_words(settings: argparse.Namespace, logs: Sequence[Log]) -> Words | None:
+def controller_words(settings: argparse.Namespace, logs: Sequence[Log]) -> Words | None:
     """Return the words of the controller that is named, None where none is.
 
     Raises:
@@ -109,7 +111,7 @@ def proof_source(settings: argparse.Namespace) -> ProofSource:
         NotRepresentable, OutOfRange: the words do not fit.
     """
     from heatertune.proof.folder_digest import digest_problem
-    from heatertune.proof.repetition import made_again
+    from heatertune.proof.repetition import repeat_words
     from heatertune.proof.words_file import read_words
 
     words, by = read_words(settings.pid, common.target(settings)), options.of(WordSettings, settings)
@@ -123,7 +125,8 @@ def proof_source(settings: argparse.Namespace) -> ProofSource:
                            ramp=ramp, notes=sources)
     design, fitted, kept = common.design_and_model(settings)
     recipe, notes = in_force(settings, kept, settings.pid)
-    choice, same = made_again(design, fitted, recipe), recipe == kept and ramp is None and not common.by_hand(settings)
+    choice = repeat_words(design, fitted, recipe)
+    same = recipe == kept and ramp is None and not common.by_hand(settings)
     return ProofSource(words=choice.words, choice=choice, fitted_model=fitted, conditions=recipe.conditions, ramp=ramp,
                    notes=tuple(notes), way_on=recipe.way_on if same else None, design=design, recipe=recipe,
                    structure=design.structure)

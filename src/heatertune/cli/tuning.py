@@ -158,7 +158,7 @@ def _plain(settings: argparse.Namespace, fitted: FittedModel, progress: printing
     """Return the design as asked for; of the conditions of a proof it hears those that it can aim at."""
     from heatertune.plc.word_selection import tune_for_words
     from heatertune.proof.design_request import with_pwm
-    from heatertune.proof.prove_words import told_of_aim, tune_settings_for
+    from heatertune.proof.prove_words import aim_sentences, tune_settings_for
 
     by_words = common.interval_by_words(settings)
     if by_words and settings.target is None:
@@ -168,7 +168,7 @@ def _plain(settings: argparse.Namespace, fitted: FittedModel, progress: printing
     tuned = tune_settings_for(asked, common.conditions(settings)) if proven_later else asked
     find = partial(tune_for_words if by_words else chain.tune, target=settings.target, progress=progress)
     design = find(fitted, tuned, scaling=common.scaling(settings))
-    notes = [*told_of_aim(asked, tuned), *([_UNPROVEN] if _proof_asked(settings) else [])]
+    notes = [*aim_sentences(asked, tuned), *([_UNPROVEN] if _proof_asked(settings) else [])]
     design = replace(design, notes=(*design.notes, *notes))
     kind = options.of(WordSettings, settings).switch_kind
     return design if kind is None else with_pwm(design, fitted, kind)[0]

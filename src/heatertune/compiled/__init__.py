@@ -18,11 +18,11 @@ from heatertune.lazy import lazy_attributes
 
 if TYPE_CHECKING:
     from heatertune.compiled.dispatch import (
+        compile_elsewhere,
         compile_function,
         decide,
-        is_kept,
+        has_machine_code,
         machine_code,
-        made_beside,
         tricks_hold,
         worth_a_second,
         worth_compiling,
@@ -30,14 +30,14 @@ if TYPE_CHECKING:
     from heatertune.compiled.plain_functions import bound, runs_compiled_as
 
 __all__ = [
-    "bound", "compile_function", "decide", "is_kept", "machine_code", "made_beside", "runs_compiled_as", "tricks_hold",
-    "worth_a_second", "worth_compiling",
+    "bound", "compile_elsewhere", "compile_function", "decide", "has_machine_code", "machine_code",
+    "runs_compiled_as", "tricks_hold", "worth_a_second", "worth_compiling",
 ]
 
 # plain source needs neither the loader nor the compiler
 __getattr__, __dir__ = lazy_attributes(__name__, {
     "compiled.dispatch": (
-        "compile_function", "decide", "is_kept", "machine_code", "made_beside", "tricks_hold", "worth_a_second",
-        "worth_compiling"),
+        "compile_function", "decide", "has_machine_code", "machine_code", "compile_elsewhere", "tricks_hold",
+        "worth_a_second", "worth_compiling"),
     "compiled.plain_functions": ("bound", "runs_compiled_as"),
 })

@@ -33,8 +33,10 @@ from heatertune.writing import write_files
 if sys.platform != "win32":
     import fcntl
 
-__all__ = ["compile_function", "decide", "is_kept", "machine_code", "made_beside", "tricks_hold", "worth_a_second",
-           "worth_compiling"]
+__all__ = [
+    "compile_elsewhere", "compile_function", "decide", "has_machine_code", "machine_code", "tricks_hold",
+    "worth_a_second", "worth_compiling",
+]
 
 _Plain = TypeVar("_Plain", bound=Callable[..., Any])
 
@@ -99,7 +101,7 @@ def worth_compiling(
     """
     decided = _decided[0]
     if decided == "kept":
-        return function is not None and is_kept(function)
+        return function is not None and has_machine_code(function)
     if decided is not None:
         return decided
     _scans_asked[work] += scans
@@ -108,7 +110,7 @@ def worth_compiling(
     kept = _PLAIN_SCANS_READY if "llvmlite.binding" in sys.modules else _PLAIN_SCANS_KEPT
     if kept < asked <= most and function is not None and work not in _looked_for:
         _looked_for.add(work)
-        if is_kept(function):
+        if has_machine_code(function):
             _scans_asked[work] = asked = most + 1
     return asked > most
 
@@ -124,7 +126,7 @@ def worth_a_second(scans: int, function: Callable[..., Any], *, most: int, most_
     """
     if _decided[0] is False or scans <= most_kept:
         return False
-    return (scans > most and _decided[0] != "kept") or is_kept(function)
+    return (scans > most and _decided[0] != "kept") or has_machine_code(function)
 
 
 def compile_function(function: _Plain, *, calls: bool = False) -> _Plain:
@@ -161,7 +163,7 @@ def tricks_hold() -> bool:
 
 
 @contextmanager
-def made_beside(waits: Mapping[Callable[..., Any], Callable[[], object]]) -> Iterator[None]:
+def compile_elsewhere(waits: Mapping[Callable[..., Any], Callable[[], object]]) -> Iterator[None]:
     """Let what the block needs of some functions wait for another process that compiles them.
 
     What is not found on disk then is compiled.
@@ -313,7 +315,7 @@ def _place(function: Callable[..., Any]) -> Path | None:
     return None if base is None or digest is None else base / f"compiled-{digest[:16]}"
 
 
-def is_kept(function: Callable[..., Any]) -> bool:
+def has_machine_code(function: Callable[..., Any]) -> bool:
     """Return whether machine code of a function is on disk, of arguments of whatever kinds, or soon will be."""
     if function not in _found and function not in _beside:
         place = _place(function)

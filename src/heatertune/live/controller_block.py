@@ -27,7 +27,7 @@ from heatertune.plc.ramp import Number
 from heatertune.plc.words import FLOATS
 
 __all__ = [
-    "ROLES", "SERVED", "Counter", "Places", "ServedBlock", "Topic", "block_for", "places_given", "places_in",
+    "ROLES", "SERVED", "Counter", "Places", "ServedBlock", "Topic", "block_for", "places_from", "places_in",
     "places_of",
 ]
 
@@ -290,7 +290,7 @@ def _topic(path: str | Path, role: str, table: object) -> Topic:
     return found
 
 
-def places_given(*, design: str | Path | None = None, map_file: str | Path | None = None) -> Places | None:
+def places_from(*, design: str | Path | None = None, map_file: str | Path | None = None) -> Places | None:
     """Return the places that a file says, or those of the controller whose design lies in a folder; None: no one says.
 
     Raises:

@@ -20,7 +20,7 @@ from threading import Thread
 from typing import Final
 
 from heatertune.errors import HeatertuneError, InputError, LinkError
-from heatertune.live.client.connection import Address, Client, connect, told_by
+from heatertune.live.client.connection import Address, Client, connect, status_of_simulator
 from heatertune.live.controller_block import SERVED, ServedBlock, block_for, places_of
 from heatertune.live.hold import Hold, WayBack, WayBackPart, is_number, new_way_back
 from heatertune.live.poller import Snapshot, StillSensor
@@ -212,7 +212,7 @@ class Experiment:
             self.hold.demand_free()
         with self.mode.open_client() as client:
             self._demand_words(client)
-            image, own = self.mode.image(client), told_by(client)
+            image, own = self.mode.image(client), status_of_simulator(client)
         self._demand_mode(image)
         if own is not None and not own.status & RUNS:
             raise InputError(f"{where}: the CPU is in STOP")

@@ -16,7 +16,7 @@ import numpy as np
 
 from heatertune.errors import InputError, LinkDown
 from heatertune.live.block_memory import BlockSignal
-from heatertune.live.client.connection import Address, Client, ClosesOnExit, SignOfLife, connect, told_by
+from heatertune.live.client.connection import Address, Client, ClosesOnExit, SignOfLife, connect, status_of_simulator
 from heatertune.live.controller_block import Places
 from heatertune.live.simulator_status import OWN, OWN_CELLS
 from heatertune.model.model_values import HeaterModel
@@ -180,7 +180,7 @@ class Poller(ClosesOnExit):
         self._time_s = 0.0
         self._client: Client = connect(address, timeout_s)
         try:
-            own = told_by(self._client)
+            own = status_of_simulator(self._client)
             self._places = places or Places(block=OWN, signals=_OWN_SIGNALS, summary="what the simulator tells")
             self._block = self._settled(own is not None, places)
         except BaseException:
@@ -227,7 +227,7 @@ class Poller(ClosesOnExit):
             LinkDown: a simulated PLC tells its scans no longer.
             LinkError: no answer; `again` connects anew.
         """
-        before = told_by(self._client) if self._counts_scans else None
+        before = status_of_simulator(self._client) if self._counts_scans else None
         if self._counts_scans and before is None:
             raise LinkDown(f"{self._address.text}: no longer tells its scans")
         if before is not None and before.shown in (0, self._count):
@@ -236,7 +236,7 @@ class Poller(ClosesOnExit):
         seen, content = self.read_signals(self._client, self._block)
         middle = 0.5 * (asked + time.monotonic())
         if before is not None:
-            after = told_by(self._client)
+            after = status_of_simulator(self._client)
             whole = after is not None and after.shown == before.shown and (
                 self._block != OWN or after.intervals == before.intervals == before.shown)
             if not whole:

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, Self
 
 from heatertune.errors import HeatertuneError, InputError, LinkError
 from heatertune.live.client.connection import Address, address_of, demand_library
-from heatertune.live.controller_block import ROLES, Places, places_given
+from heatertune.live.controller_block import ROLES, Places, places_from
 from heatertune.live.joint.zones_poller import ZonesPlaces, ZonesPoller
 from heatertune.live.poller import Poller, Snapshot
 from heatertune.log.cells import MARK, SWITCHED, TORN, without_torn
@@ -534,5 +534,5 @@ def _file_of(name: str, taken: Mapping[str, object]) -> str:
 
 
 def _places(loop: LoopEntry, folder: Path) -> Places | None:
-    return places_given(design=None if loop.folder is None else folder / loop.folder,
+    return places_from(design=None if loop.folder is None else folder / loop.folder,
                         map_file=None if loop.map is None else folder / loop.map)

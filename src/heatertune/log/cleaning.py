@@ -23,7 +23,7 @@ from heatertune.log.side_columns import quoted
 from heatertune.units import count
 
 __all__ = [
-    "in_order", "kept_rows", "no_readings", "one_run", "spread_instants", "tell_gaps", "without_strays",
+    "in_order", "no_readings", "one_run", "rows_to_keep", "spread_instants", "tell_gaps", "without_strays",
     "without_unreadable_power", "without_unset_clock",
 ]
 
@@ -38,7 +38,7 @@ _FEW_TIMES: Final = 3
 _TOLD: Final = 0.95  # of the instants that a column has to distinguish
 
 
-def kept_rows(sheet: Sheet, columns: Columns, time: Array, repairs: list[str]) -> tuple[npt.NDArray[np.bool_], int]:
+def rows_to_keep(sheet: Sheet, columns: Columns, time: Array, repairs: list[str]) -> tuple[npt.NDArray[np.bool_], int]:
     """Return the rows to keep (the first of equal times), and how many of the others repeat the first.
 
     The times [s] and the result are of shape (n,), one for each row.

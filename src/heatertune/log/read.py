@@ -18,9 +18,9 @@ from heatertune.errors import InputError, LogError, OutOfRange
 from heatertune.log.cells import plain_cells, read_sheet
 from heatertune.log.cleaning import (
     in_order,
-    kept_rows,
     no_readings,
     one_run,
+    rows_to_keep,
     spread_instants,
     tell_gaps,
     without_strays,
@@ -75,9 +75,7 @@ if TYPE_CHECKING:
 
     from heatertune.keywords import ReadOptions
 
-__all__ = [
-    "SIGNS", "RowCounts", "clock_shifts_s", "log_of", "read_log", "stated_units", "taken_of",
-]
+__all__ = ["SIGNS", "RowCounts", "clock_shifts_s", "log_of", "read_log", "stated_units", "taken_of"]
 
 
 #: unit of a temperature → how it is written
@@ -243,7 +241,7 @@ def read_log(
     sheet, time, edges = without_blank_power(sheet, columns, time, repairs)
     sheet, time, edges = without_unreadable_power(sheet, columns, time, edges, repairs)
     raw, edges = _readings(sheet, columns, edges, skip_empty=asked.skip_empty)
-    kept, repeats = kept_rows(sheet, columns, time, repairs)
+    kept, repeats = rows_to_keep(sheet, columns, time, repairs)
     kept &= ~no_readings(sheet, columns, raw, time, repairs, moves=_power_moves(sheet, columns), edges=edges,
                          skip_empty=asked.skip_empty)
     raw *= asked.temperature_scale or 1.0

@@ -26,9 +26,9 @@ from heatertune.loops.measures import (
     Swings,
     at_limit,
     course_of,
-    found_period_s,
     offset_degC,
     swings,
+    switching_period_s,
     switchings_per_h,
 )
 from heatertune.loops.unlogged_loads import CoolerGain, LoadFreeLog, LoadStep, cooler_gain, without_loads
@@ -329,7 +329,7 @@ def _one_power(log: Log, loop: LoopEntry) -> tuple[Log, CoolerGain | None]:
 
 def _pwm_period_s(log: Log, loop: LoopEntry) -> float | None:
     """Return the PWM period: that of the logged switch where it is about the stated one, as it is finer [s]."""
-    stated, own = loop.pwm_period_s, found_period_s(log)
+    stated, own = loop.pwm_period_s, switching_period_s(log)
     return own if own is not None and (stated is None or abs(own / stated - 1.0) < _ABOUT) else stated
 
 

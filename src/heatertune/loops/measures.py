@@ -25,8 +25,8 @@ from heatertune.units import check
 from heatertune.writing import read_text
 
 __all__ = [
-    "Cause", "LoopEntry", "LoopFault", "RegularLog", "Swings", "at_limit", "average_log", "course_of",
-    "found_period_s", "list_loops", "offset_degC", "read_list", "swings", "switchings_per_h",
+    "Cause", "LoopEntry", "LoopFault", "RegularLog", "Swings", "at_limit", "average_log", "course_of", "list_loops",
+    "offset_degC", "read_list", "swings", "switching_period_s", "switchings_per_h",
 ]
 
 
@@ -99,7 +99,7 @@ class Swings:
     even: bool
 
 
-def found_period_s(log: Log) -> float | None:
+def switching_period_s(log: Log) -> float | None:
     """Return the PWM period where the logged power is the switch itself, on or off in even periods; else None [s]."""
     if log.power_pct is None:
         return None
@@ -252,7 +252,7 @@ def switchings_per_h(log: Log, pwm_period_s: float | None) -> float | None:
         return None
     low, high = _ENDS
     hours = float(log.time_s[-1] - log.time_s[0]) / 3600.0
-    if found_period_s(log) is not None:
+    if switching_period_s(log) is not None:
         return float(np.count_nonzero(np.diff((log.power_pct > high / 2.0).astype(int)))) / hours
     if pwm_period_s is None:
         return None
@@ -273,7 +273,7 @@ def average_log(log: Log, pwm_period_s: float | None, before_pct: float | None =
     """
     assert log.power_pct is not None
     length, own = float(log.time_s[-1] - log.time_s[0]), float(np.median(np.diff(log.time_s)))
-    step, period = max(length / _OF_FIT, own), pwm_period_s or found_period_s(log)
+    step, period = max(length / _OF_FIT, own), pwm_period_s or switching_period_s(log)
     if period is None and step < 2.0 * own:
         return log
     width = step if period is None else max(period * math.ceil(step / period - 1e-9), own)

@@ -22,22 +22,12 @@ from scipy.signal import lfilter
 
 from heatertune.arrays import Array
 from heatertune.log.log_values import Log
-from heatertune.loops.measures import average_log, found_period_s
+from heatertune.loops.measures import average_log, switching_period_s
 from heatertune.model.statistics import ar1_bic
 
 __all__ = [
-    "CoolerGain",
-    "DutySwitch",
-    "LoadFreeLog",
-    "LoadStep",
-    "PowerCourse",
-    "cooler_gain",
-    "phases",
-    "power_course",
-    "reconstruct_power",
-    "risen",
-    "with_duty",
-    "without_loads",
+    "CoolerGain", "DutySwitch", "LoadFreeLog", "LoadStep", "PowerCourse", "cooler_gain", "phases", "power_course",
+    "reconstruct_power", "risen", "with_duty", "without_loads",
 ]
 
 
@@ -414,7 +404,7 @@ def _best(log: Log, pwm_period_s: float | None) -> _LoadTrial:
 
 def _best_with_switch(log: Log, pwm_period_s: float | None) -> tuple[_LoadTrial, DutySwitch]:
     """Return the heater, and the switch that goes with it where that explains plainly more."""
-    plain, own = _best(log, pwm_period_s), found_period_s(log)
+    plain, own = _best(log, pwm_period_s), switching_period_s(log)
     duty = log if own is None else with_duty(log, own)
     if own is not None and duty is log:
         return plain, DutySwitch()

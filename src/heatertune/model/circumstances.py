@@ -21,14 +21,16 @@ import numpy as np
 from heatertune.log.log_values import Log
 from heatertune.model.findings import Finding
 from heatertune.model.model_values import Candidate, FittedModel
-from heatertune.model.power.uncertainty import told_apart
+from heatertune.model.power.uncertainty import distinct_candidates
 from heatertune.model.reduction import ultimate_period_s, zero_s
 from heatertune.model.statistics import Interval, replace_outliers, sensor_step
 from heatertune.model.two_scales import TwoScale
 from heatertune.units import check
 
-__all__ = ["DelaysKnown", "logged_range_degC", "pool_candidates", "reading_step_degC", "setpoint_of", "with_late_power",
-           "with_neighbours", "with_pwm_hidden", "without_neighbours"]
+__all__ = [
+    "DelaysKnown", "logged_range_degC", "pool_candidates", "reading_step_degC", "setpoint_of", "with_late_power",
+    "with_neighbours", "with_pwm_hidden", "without_neighbours",
+]
 
 
 _EARLIER: Final = 0.5  # periods by which the heater's dead time may be longer than it looks
@@ -87,7 +89,7 @@ def with_late_power(
              for each in _hardest(fitted.candidates, late_s)]
     is_distorted = gap_s > _LATE * fitted.model.time_constant_s  # beyond what a longer dead time can represent
     return replace(
-        fitted, notes=(*fitted.notes, note), candidates=told_apart([*fitted.candidates, *later], least_s),
+        fitted, notes=(*fitted.notes, note), candidates=distinct_candidates([*fitted.candidates, *later], least_s),
         findings=(*fitted.findings, *((Finding(name="alias", message=note),) if is_distorted else ())),
         ci95=fitted.ci95 if dead is None or dead.high is None else {
             **fitted.ci95, "dead_time_s": replace(dead, high=dead.high + _room(dead.high, late_s, most_s))},

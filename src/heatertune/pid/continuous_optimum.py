@@ -24,7 +24,7 @@ from heatertune.pid.design_values import Margins, PidDesign, Promise, structure_
 from heatertune.pid.rules import RULES, apply_rule, model_for
 from heatertune.pid.sampled_loop import crossings
 from heatertune.pid.search.robust import Open, robust_design
-from heatertune.pid.specs import Specs, explain, is_boundless, refuse_boundless, told_about_faces
+from heatertune.pid.specs import Specs, explain, heating_cooling_notes, is_boundless, refuse_boundless
 
 __all__ = [
     "ContinuousProblem", "Task", "assess_design", "global_check", "global_optimum", "iae", "margins", "optimum",
@@ -565,7 +565,7 @@ def tune_continuous(
         best = replace(kept.design, promise=Promise(way=robust, limits=specs.limits))
     design = assess_design(fitted, best)
     notes += [*_explained(problem, design), *_plainer(problem, design)]
-    notes += told_about_faces(fitted, design, partial(_alone, problem))
+    notes += heating_cooling_notes(fitted, design, partial(_alone, problem))
     return replace(design, method=f"optimum ({specs.text} on {len(fitted.plants)} models)", notes=tuple(notes))
 
 

@@ -32,8 +32,8 @@ from heatertune.pid.design_values import Margins, PidDesign
 __all__ = [
     "SampledPlant", "combine_responses", "control_margins", "controller_response", "crossings", "dominant_time_s",
     "encloses_nothing", "frequencies", "horizon", "iae_load", "iae_setpoint", "itae_load", "loop_response",
-    "loop_transfer_function", "margins", "noise_gain", "part_responses", "parts_seen",
-    "plant_and_controller_response", "plant_seen", "respond", "sample_plant", "second_opinion", "sensitivity_peaks",
+    "loop_transfer_function", "margins", "noise_gain", "part_responses", "parts_at",
+    "plant_and_controller_response", "plant_at", "respond", "sample_plant", "second_opinion", "sensitivity_peaks",
     "worst",
 ]
 
@@ -107,13 +107,13 @@ def part_responses(omega: Array, sample_time_s: float, derivative_filter: float)
 
 
 @lru_cache(maxsize=_KEPT)
-def plant_seen(model: HeaterModel, sample_time_s: float, slowest_s: float, n: int = 1500) -> Complex:
+def plant_at(model: HeaterModel, sample_time_s: float, slowest_s: float, n: int = 1500) -> Complex:
     """Return the plant's pulse transfer function [°C/%] at `frequencies`, shape (n,)."""
     return _kept(sample_plant(model, sample_time_s).frequency_response(frequencies(sample_time_s, slowest_s, n)))
 
 
 @lru_cache(maxsize=_KEPT)
-def parts_seen(derivative_filter: float, sample_time_s: float, slowest_s: float, n: int = 1500) -> Complex:
+def parts_at(derivative_filter: float, sample_time_s: float, slowest_s: float, n: int = 1500) -> Complex:
     """Return `part_responses` at `frequencies`, shape (3, n)."""
     return _kept(part_responses(frequencies(sample_time_s, slowest_s, n), sample_time_s, derivative_filter))
 
@@ -292,8 +292,8 @@ def plant_and_controller_response(model: HeaterModel, design: PidDesign) -> tupl
     slowest = max(*model.lags_s, model.dead_time_s, design.sample_time_s)
     if math.isfinite(design.integral_time_s):
         slowest = max(slowest, design.integral_time_s)
-    parts = parts_seen(design.derivative_filter, design.sample_time_s, slowest)
-    return plant_seen(model, design.sample_time_s, slowest), combine_responses(design, parts)
+    parts = parts_at(design.derivative_filter, design.sample_time_s, slowest)
+    return plant_at(model, design.sample_time_s, slowest), combine_responses(design, parts)
 
 
 def _peaks(loop: Complex, design: PidDesign) -> tuple[float, float]:

@@ -20,7 +20,7 @@ from heatertune.settings import TuneSettings
 from heatertune.units import check
 
 __all__ = [
-    "LOOSER", "OBJECTIVES", "ROOM", "Specs", "explain", "is_boundless", "refuse_boundless", "told_about_faces",
+    "LOOSER", "OBJECTIVES", "ROOM", "Specs", "explain", "heating_cooling_notes", "is_boundless", "refuse_boundless",
     "without_explanation",
 ]
 
@@ -133,7 +133,7 @@ _FACES: Final = {"heating": "heats", "cooling": "cools"}
 Alone = Callable[[HeaterModel], tuple[PidDesign, Callable[[PidDesign], float]]]
 
 
-def told_about_faces(fitted: FittedModel, design: PidDesign, alone: Alone) -> list[str]:
+def heating_cooling_notes(fitted: FittedModel, design: PidDesign, alone: Alone) -> list[str]:
     """Return a sentence if the candidates contain separate models for heating and cooling, otherwise an empty list.
 
     Args:

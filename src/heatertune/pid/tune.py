@@ -18,7 +18,7 @@ from heatertune.pid.rules import RULES, apply_rule, model_for, range_note
 from heatertune.pid.sampled_loop import dominant_time_s, iae_load, iae_setpoint, margins, noise_gain, worst
 from heatertune.pid.search.feasible import Problem, polish, search
 from heatertune.pid.search.robust import Open, RobustDesign, robust_design
-from heatertune.pid.specs import ROOM, Specs, explain, refuse_boundless, told_about_faces
+from heatertune.pid.specs import ROOM, Specs, explain, heating_cooling_notes, refuse_boundless
 from heatertune.settings import STEP_POWER_PCT, TuneSettings
 from heatertune.units import check, written
 
@@ -106,7 +106,7 @@ def tune(
         notes += [f"The rule claims: {RULES[method].claim}.", *([] if outside is None else [outside])]
     if method == "optimum":
         design, why = _improved(problem, fitted, design, robust, progress)
-        notes += [*why, *told_about_faces(fitted, design, partial(_alone, problem))]
+        notes += [*why, *heating_cooling_notes(fitted, design, partial(_alone, problem))]
     return _finished(design, fitted, method, specs, notes)
 
 

@@ -25,7 +25,7 @@ from heatertune.plc.pwm import Actuator
 from heatertune.plc.ramp import Number, Ramp, nearest
 from heatertune.plc.readback import ReadBack
 from heatertune.plc.single_precision import single
-from heatertune.plc.targets import COOLING, NAMES, target_named
+from heatertune.plc.targets import COOLING, NAMES, target_by_name
 from heatertune.plc.words import (
     Certificate,
     Cycle,
@@ -34,8 +34,8 @@ from heatertune.plc.words import (
     WordField,
     Words,
     check_fields,
-    kept_by,
     round_to_word,
+    timer_interval_s,
 )
 from heatertune.units import check
 
@@ -310,7 +310,7 @@ class Controller(SetpointHandling, ABC):
         Raises:
             NotRepresentable: TA is no interval of the timer, or a word does not fit; it tells what would.
         """
-        kept, fields = kept_by(self.timer, design.sample_time_s), {field.name: field for field in self.fields}
+        kept, fields = timer_interval_s(self.timer, design.sample_time_s), {field.name: field for field in self.fields}
         values = {name: round_to_word(fields[name], value) for name, value in self.values(design, scaling).items()}
         held = kept if self.interval_s is None else self.interval_s(values)
         return Words(target=self.name, values=values, scaling=scaling, sample_time_s=held)
@@ -464,7 +464,7 @@ def controller_for(target: str) -> Controller:
     Raises:
         UnknownName: no such target.
     """
-    target = target_named(target) if target not in _CLASSES else target
+    target = target_by_name(target) if target not in _CLASSES else target
     if target in NAMES:
         import_module(f"{NAMES[target]}.controller")
     if target not in _CLASSES:

@@ -16,7 +16,7 @@ from heatertune.options import Keywords, merge_options, split_options, with_opti
 from heatertune.pid import design_document as pid_document
 from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Scaling, Words, controller_for
-from heatertune.plc.targets import target_named
+from heatertune.plc.targets import target_by_name
 from heatertune.processors import ProgressCallback, log_progress
 from heatertune.settings import SensorSettings, TuneSettings
 
@@ -58,7 +58,7 @@ def tune(
     named = ("settings", "target", "scaling", "progress")
     tuning, sensing = split_options(changed, TuneSettings, SensorSettings, also=named)
     asked, fitted = merge_options(TuneSettings, settings, tuning), _fitted_model(fitted)
-    target = None if target is None else target_named(target)
+    target = None if target is None else target_by_name(target)
     scaling = stated_scaling(target, scaling, sensing)
     held: dict[str, Any] = {}
     delay: list[str] = []

@@ -10,17 +10,8 @@ from typing import Final
 from heatertune.errors import UnknownName
 
 __all__ = [
-    "ALIKE",
-    "COOLING",
-    "FAITHFUL",
-    "GROUPS",
-    "NAMES",
-    "REPAIRED",
-    "SYNONYMS",
-    "TARGETS",
-    "Commissioning",
-    "commissioning",
-    "target_named",
+    "ALIKE", "COOLING", "FAITHFUL", "GROUPS", "NAMES", "REPAIRED", "SYNONYMS", "TARGETS", "Commissioning",
+    "commissioning", "target_by_name",
 ]
 
 
@@ -65,7 +56,7 @@ SYNONYMS: Final[dict[str, str]] = {
 }
 
 
-def target_named(name: str) -> str:
+def target_by_name(name: str) -> str:
     """Return the target of a name in any case, or of what its hardware is called as well; others as they are."""
     plain = name.lower()
     return SYNONYMS.get(plain) or (plain if plain in NAMES else name)

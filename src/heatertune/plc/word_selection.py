@@ -28,7 +28,7 @@ from heatertune.processors import ProgressCallback
 from heatertune.settings import TuneSettings
 
 __all__ = [
-    "WAYS", "Optimum", "RealisedResult", "WordChoice", "WordSearch", "broken_by", "choose_words", "demand_kept",
+    "WAYS", "Optimum", "RealisedResult", "WordChoice", "WordSearch", "broken_by", "choose_words", "demand_sentence",
     "realised_as", "search_document", "tune_for_words",
 ]
 
@@ -120,7 +120,7 @@ def broken_by(words: Words, heaters: Open, promise: Promise) -> BrokenLimit | No
     return None if design is None else heaters.broken(promise, design)
 
 
-def demand_kept(words: Words, promise: Promise, fitted: FittedModel, *, told_only: bool = False) -> str:
+def demand_sentence(words: Words, promise: Promise, fitted: FittedModel, *, told_only: bool = False) -> str:
     """Return the sentence that tells whether words keep a promise.
 
     Args:
@@ -195,7 +195,7 @@ def choose_words(
     choice, promise = _choice(design, target, fitted, scaling, way, progress), design.promise
     if promise is None or controller_for(target).decode(choice.words) is None:
         return choice
-    note = demand_kept(choice.words, promise, fitted, told_only=way == "rounded")
+    note = demand_sentence(choice.words, promise, fitted, told_only=way == "rounded")
     return replace(choice, search=replace(choice.search, promise=promise)).with_note(note)
 
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "FLOATS", "FORMATS", "Certificate", "Cycle", "EntryChange", "Scaling", "WordField", "Words", "check_fields",
-    "check_limits", "holds", "kept_by", "no_pid", "round_half_away", "round_to_word", "with_pwm_period",
+    "check_limits", "holds", "no_pid", "round_half_away", "round_to_word", "timer_interval_s", "with_pwm_period",
 ]
 
 #: format of a number in a controller → smallest and largest value; what is not one of `FLOATS` is whole
@@ -269,7 +269,7 @@ def no_pid(words: Words) -> None:
     """Return None: the `design` of a controller that is no PID."""
 
 
-def kept_by(timer: Timer, sample_time_s: float) -> float:
+def timer_interval_s(timer: Timer, sample_time_s: float) -> float:
     """Return a sampling interval as a timer keeps it [s].
 
     Raises:

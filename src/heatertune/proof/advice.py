@@ -26,7 +26,7 @@ from heatertune.plc.design import encode
 from heatertune.processors import ProgressCallback
 from heatertune.proof import Proof, prove
 from heatertune.proof.heaters import labelled_heaters
-from heatertune.proof.nearest_specification import settings_told
+from heatertune.proof.nearest_specification import setting_sentences
 from heatertune.proof.phase_statistics import first_within, turning_points
 from heatertune.proof.repetition import apply_provenance, scaling_of
 from heatertune.proof.spec_file import specification_of
@@ -236,7 +236,7 @@ def advise(
         "schema": SCHEMA, "target": recipe.target, "log": None if log is None else log.name,
         "symptom": seen.symptom.name, "symptom_text": seen.symptom.value,
         "response": {name: value for name, value in asdict(seen).items() if name != "symptom"}, "aim": aim,
-        "cases": cases, "best": _best(cases, aim), "notes": settings_told(before, "the design as it is"),
+        "cases": cases, "best": _best(cases, aim), "notes": setting_sentences(before, "the design as it is"),
     }
 
 

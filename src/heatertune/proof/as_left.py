@@ -37,8 +37,8 @@ from heatertune.proof.as_left_figures import (
     begins_mid_way,
     begun_mid_way,
     leaves_s,
+    measured_criteria,
     parts_of,
-    seen_in,
 )
 from heatertune.proof.criteria import TIME_OF, CriterionView
 from heatertune.proof.heaters import labelled_heaters
@@ -366,8 +366,8 @@ def as_left(
     step = _step_degC(parts, fitted, proof, mid_way=before_s > 0.0)
     loop = ProvenLoop([model for _, model in labelled_heaters(fitted)], _count_degC(words), words.sample_time_s,
                       asked.ambient_degC)
-    seen = seen_in(log, parts, proof, step, loop)
-    at_best = seen_in(log, parts, proof, step, loop, forgiven_degC=margin)
+    seen = measured_criteria(log, parts, proof, step, loop)
+    at_best = measured_criteria(log, parts, proof, step, loop, forgiven_degC=margin)
     slack_s = parts.unsure_s + float(np.median(np.diff(log.time_s)))
     lines = tuple(_measurement(name, criterion, seen[name], at_best[name], slack_s,
                                before_s if name == TIME_OF["heat-up"] else 0.0)

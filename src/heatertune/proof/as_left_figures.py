@@ -36,7 +36,7 @@ from heatertune.settings import AsLeftSettings
 
 __all__ = [
     "LEAST_STEP_DEGC", "LEAVES", "ProvenLoop", "TraceMeasurement", "TracePart", "TraceParts", "begins_mid_way",
-    "begun_mid_way", "leaves_s", "parts_of", "seen_in",
+    "begun_mid_way", "leaves_s", "measured_criteria", "parts_of",
 ]
 
 
@@ -333,7 +333,7 @@ class ProvenLoop(NamedTuple):
     ambient_degC: float | None
 
 
-def seen_in(
+def measured_criteria(
     log: Log, parts: TraceParts, proof: ProofView, step_degC: float, loop: ProvenLoop, *, forgiven_degC: float = 0.0
 ) -> dict[str, TraceMeasurement]:
     """Return what a trace shows of each criterion of a proof.

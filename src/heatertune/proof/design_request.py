@@ -13,13 +13,13 @@ from heatertune.plc import Scaling, Words, controller_for
 from heatertune.plc.controller import with_cooling
 from heatertune.plc.design import tune
 from heatertune.plc.pwm import tick_for
-from heatertune.plc.targets import GROUPS, target_named
+from heatertune.plc.targets import GROUPS, target_by_name
 from heatertune.plc.word_selection import WordChoice, choose_words, tune_for_words
 from heatertune.plc.words import with_pwm_period
 from heatertune.processors import ProgressCallback
 from heatertune.proof import Proof
 from heatertune.proof.heaters import ROOM_DEGC
-from heatertune.proof.prove_words import setpoints_for, told_of_aim, tune_settings_for
+from heatertune.proof.prove_words import aim_sentences, setpoints_for, tune_settings_for
 from heatertune.proof.refine import refine
 from heatertune.proof.repetition import files_of, recorded_conditions
 from heatertune.proof.ripple_and_wear import SWITCHES, propose_period
@@ -109,7 +109,7 @@ class DesignRequest(WordSettings):
 
     def __post_init__(self) -> None:
         WordSettings.__post_init__(self)
-        object.__setattr__(self, "target", target_named(self.target))
+        object.__setattr__(self, "target", target_by_name(self.target))
         if self.sample_settings.samples is not None:
             demand_none(self.conditions.interlock)
 
@@ -185,7 +185,7 @@ def made_for(fitted: FittedModel, request: DesignRequest, progress: ProgressCall
     find = tune_for_words if request.interval_by_words else tune
     tuned = tune_settings_for(request.tune_settings, request.conditions)
     wished = find(fitted, tuned, target=request.target, scaling=request.scaling, progress=progress)
-    wished = replace(wished, notes=(*wished.notes, *told_of_aim(request.tune_settings, tuned)))
+    wished = replace(wished, notes=(*wished.notes, *aim_sentences(request.tune_settings, tuned)))
     stage("words")
     return wished, choose_words(
         wished, request.target, fitted, scaling=request.scaling, way=request.words_by, progress=progress)

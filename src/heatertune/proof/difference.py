@@ -24,18 +24,8 @@ from heatertune.proof.verdict import PROOF_SCHEMA
 from heatertune.proof.words_file import WORDS_SCHEMA, demand_same_words, read_words
 
 __all__ = [
-    "DIFF_SCHEMA",
-    "IN_BLOCK",
-    "WRITTEN_SCHEMA",
-    "DeclaredWords",
-    "Outcome",
-    "Passage",
-    "Quantity",
-    "Side",
-    "Watch",
-    "WriteHistory",
-    "difference",
-    "read_sides",
+    "DIFF_SCHEMA", "IN_BLOCK", "WRITTEN_SCHEMA", "DeclaredWords", "Outcome", "Passage", "Quantity", "Side", "Watch",
+    "WriteHistory", "difference", "read_sides",
 ]
 
 
@@ -277,12 +267,12 @@ def _designed(path: str, declared: DeclaredWords, opposite: Side | None) -> Side
     schema = peek_schema(path)
     if schema != DESIGN_SCHEMA:
         raise DocumentError(f"{path}: schema is {schema!r}; expected {WORDS_SCHEMA!r} or {DESIGN_SCHEMA!r}")
-    from heatertune.proof.repetition import apply_provenance, made_again
+    from heatertune.proof.repetition import apply_provenance, repeat_words
 
     design, model, recipe = read_design(path)
     is_own = recipe is not None and declared.target in (None, recipe.target) and not declared.scales
     if is_own and model is not None and recipe is not None:
-        return Side(source=path, kind="design", words=made_again(design, model, recipe).words)
+        return Side(source=path, kind="design", words=repeat_words(design, model, recipe).words)
     controller, scaling, taken_over = _whose(path, declared, opposite)
     words = apply_provenance(controller.encode(design, scaling), recipe)
     return Side(source=path, kind="design", words=words, taken_over=taken_over)

@@ -33,8 +33,8 @@ from heatertune.proof.meter import (
     faults,
     is_led,
     led_to,
+    phase_after_monotone,
     rest_begins,
-    seen_on,
     update_rest,
 )
 from heatertune.proof.plant import (
@@ -51,10 +51,10 @@ from heatertune.proof.plant import (
 )
 
 __all__ = [
-    "AS_TOLD", "HEAT", "JUMP", "LOAD", "MAINS", "PHASE", "REST", "Events", "LoopBatch", "ScanClock", "SetpointProgram",
-    "TraceArrays", "apart", "apply_event", "as_strong", "asked_now", "edge_at", "end_phase", "heat_after",
+    "AS_TOLD", "HEAT", "JUMP", "LOAD", "MAINS", "PHASE", "REST", "Events", "LoopBatch", "ScanClock",
+    "SetpointProgram", "TraceArrays", "apart", "apply_event", "as_strong", "edge_at", "end_phase", "heat_after",
     "keep_nothing", "keep_tangent", "measure", "measure_interval", "moves", "next_event", "next_with_tangent",
-    "period_of", "run", "run_all", "step", "switched_off", "ticked_on", "times_on",
+    "period_of", "run", "run_all", "setpoint_word_now", "step", "switched_off", "ticked_on", "times_on",
 ]
 
 
@@ -80,7 +80,7 @@ def moves(program: SetpointProgram, calls: int) -> bool:
     return program.ramp_calls > 0 and (calls + 1) % program.ramp_calls == 0
 
 
-def asked_now(program: SetpointProgram, target: Any, first: bool, due: bool, word: Any, reading: Any) -> Any:
+def setpoint_word_now(program: SetpointProgram, target: Any, first: bool, due: bool, word: Any, reading: Any) -> Any:
     """Return the setpoint word for a call of the controller.
 
     Args:
@@ -334,7 +334,8 @@ def run(  # noqa: PLR0913 - compiled for the types of each: one value of them al
                 state = warm_state(parameters, cold, state)
             program.setpoints[phase] = (
                 measure(sensor, led_to(leads, phase, t)) if is_led(leads, phase) else program.setpoints[phase])
-            word = asked_now(program, program.setpoints[phase], calls == 0, moves(program, calls), word, reading)
+            word = setpoint_word_now(
+                program, program.setpoints[phase], calls == 0, moves(program, calls), word, reading)
             calls += 1
             state, power, _, flags = step(parameters, state, word, reading, cycle_start)
             _counted(meter, power, least, flags)
@@ -536,10 +537,10 @@ def measure_interval(
     turned = turn(before, after, plant)
     if before.now < turned < after.now:
         top = advance_heater(before, turned, factors(turned - before.now, plant))
-        stats = seen_on(meter, stats, plant, before, top)
+        stats = phase_after_monotone(meter, stats, plant, before, top)
         rest = update_rest(meter, stats.phase, rest, plant, before, top) if rest.lasts else rest
         before = top
-    stats = seen_on(meter, stats, plant, before, after)
+    stats = phase_after_monotone(meter, stats, plant, before, after)
     return stats, update_rest(meter, stats.phase, rest, plant, before, after) if rest.lasts else rest
 
 

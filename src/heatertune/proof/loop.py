@@ -32,11 +32,11 @@ from heatertune.proof.kernel import (
     LoopBatch,
     SetpointProgram,
     TraceArrays,
-    asked_now,
     keep_tangent,
     next_with_tangent,
     run,
     run_all,
+    setpoint_word_now,
 )
 from heatertune.proof.meter import Meter, no_meter
 from heatertune.proof.phase_statistics import CriterionTable, rests_of, table_from
@@ -52,9 +52,8 @@ from heatertune.proof.verdict import Interlock
 
 __all__ = [
     "MOST_SCANS", "LoopController", "actuator_of", "check_words", "have_loss", "in_loop", "noise_of", "plant_row",
-    "plant_rows", "program_of",
-    "pulses_of", "ring_size", "run_compiled", "run_loop", "run_of", "run_plainly", "run_with", "scans_of",
-    "simulate", "trace_run",
+    "plant_rows", "program_of", "pulses_of", "ring_size", "run_compiled", "run_loop", "run_of", "run_plainly",
+    "run_with", "scans_of", "simulate", "trace_run",
 ]
 
 
@@ -288,7 +287,7 @@ def run_of(core: StepFunctions, *, loss: bool = False) -> Callable[..., tuple[in
     """Return the kernel with a controller in it, a plain function; with `loss`, for heaters with a loss curve."""
     own = _WITH_LOSS if loss else {}
     loop = bound(run, step=core.step, measure=core.measure, warm_state=core.warm_start,
-                 asked_now=bound(asked_now, setpoint_word=core.store_setpoint), **own)
+                 setpoint_word_now=bound(setpoint_word_now, setpoint_word=core.store_setpoint), **own)
     rows: dict[str, Callable[..., Any]] = {"linear_plant": loss_plant} if loss else {}
     return cast("Callable[..., tuple[int, int]]", bound(run_all, run=loop, cold_state=core.cold_start, **rows))
 

@@ -18,8 +18,9 @@ from heatertune.proof.plant import Flow, Plant, area, level_crossing
 __all__ = [
     "ABSOLUTE", "COLUMNS", "FAULTS", "HIGHEST", "LAG", "LIMITED", "LOWEST", "MEAN", "NOT_LED", "REST_HIGHEST",
     "REST_LOWEST", "SCANS", "SETTLED", "SWITCHINGS", "TOTALS", "Meter", "PhaseStats", "Places", "SteadyStateStats",
-    "absolute_by", "begin", "close", "faults", "in_period", "integral", "is_led", "led_to", "no_meter", "rest_begins",
-    "rested_from", "seen_from", "seen_on", "seen_with", "settling_time", "through", "update_rest",
+    "absolute_by", "begin", "close", "faults", "in_period", "integral", "is_led", "led_to", "no_meter",
+    "phase_after_known", "phase_after_monotone", "phase_after_stretch", "rest_begins", "rested_from",
+    "settling_time", "through", "update_rest",
 ]
 
 #: places for numbers: an array where the loop is compiled, a list in plain Python
@@ -128,7 +129,7 @@ def begin(meter: Meter, phase: int, time: float, error: float) -> PhaseStats:
     return PhaseStats(phase, error, error, 0.0, abs(error) > meter.band, time, _lag(meter, phase, time, error))
 
 
-def seen_on(meter: Meter, stats: PhaseStats, plant: Plant, before: Flow, after: Flow) -> PhaseStats:
+def phase_after_monotone(meter: Meter, stats: PhaseStats, plant: Plant, before: Flow, after: Flow) -> PhaseStats:
     """Return the phase after a stretch on which the temperature does not turn.
 
     Args:
@@ -140,14 +141,14 @@ def seen_on(meter: Meter, stats: PhaseStats, plant: Plant, before: Flow, after: 
     """
     setpoint = meter.setpoints[stats.phase]
     lag = _lag(meter, stats.phase, after.now, after.y - setpoint)
-    return seen_from(stats, setpoint, meter.band, lag, plant, before, after, True, True)
+    return phase_after_stretch(stats, setpoint, meter.band, lag, plant, before, after, True, True)
 
 
-def seen_from(  # noqa: PLR0913 - what may be left out is told part by part
+def phase_after_stretch(  # noqa: PLR0913 - what may be left out is told part by part
     stats: PhaseStats, setpoint: float, band: float, lag: float, plant: Plant, before: Flow, after: Flow, crosses: bool,
     settles: bool,
 ) -> PhaseStats:
-    """Return the phase after a stretch, see `seen_on`.
+    """Return the phase after a stretch, see `phase_after_monotone`.
 
     Args:
         stats: the phase so far.
@@ -164,13 +165,13 @@ def seen_from(  # noqa: PLR0913 - what may be left out is told part by part
     if settles and settling_time(stats, setpoint, band, after):
         settled = level_crossing(before, after, setpoint + math.copysign(band, before.y - setpoint), plant).now
     absolute = _absolute(setpoint, plant, before, after) if crosses else abs(integral(setpoint, plant, before, after))
-    return seen_with(stats, setpoint, band, lag, after.y, settled, absolute)
+    return phase_after_known(stats, setpoint, band, lag, after.y, settled, absolute)
 
 
-def seen_with(
+def phase_after_known(
     stats: PhaseStats, setpoint: float, band: float, lag: float, y: float, settled: float, absolute: float
 ) -> PhaseStats:
-    """Return the phase after a stretch of which is known what has to be searched for, see `seen_from`.
+    """Return the phase after a stretch of which is known what has to be searched for, see `phase_after_stretch`.
 
     Args:
         stats: the phase so far.

@@ -25,8 +25,10 @@ from heatertune.proof.worst_runs import RunScreen
 from heatertune.settings import Conditions
 from heatertune.units import written
 
-__all__ = ["both_that_pass", "broken_told", "limits_above", "loosen_conditions", "options_of", "passing_settings",
-           "physical_help", "settings_told", "suspects", "tolerance_that_passes", "wider_limits_text", "within_reach"]
+__all__ = [
+    "both_that_pass", "broken_limits_text", "limits_above", "loosen_conditions", "options_of", "passing_settings",
+    "physical_help", "setting_sentences", "suspects", "tolerance_that_passes", "wider_limits_text", "within_reach",
+]
 
 #: times the tolerance asked for
 _WIDER: Final = (1.5, 2.0, 3.0, 5.0)
@@ -56,7 +58,7 @@ def passing_settings(proof: Proof) -> dict[str, tuple[str, ...]]:
     return settings
 
 
-def settings_told(proof: Proof, what: str) -> list[str]:
+def setting_sentences(proof: Proof, what: str) -> list[str]:
     """Return a sentence for each switch that the failure of `what` hangs on alone, see `passing_settings`."""
     return [f"With {name} = {' or '.join(kept)}, no run of {what} fails: find out what this controller does, and state "
             f"it with --assume {name}={kept[0]}." for name, kept in passing_settings(proof).items()]
@@ -225,7 +227,7 @@ def _rounded_up(value: float) -> float:
     return float(f"{math.ceil(value * _ROOM / digit) * digit:.6g}")
 
 
-def broken_told(criteria: Iterable[Criterion]) -> str:
+def broken_limits_text(criteria: Iterable[Criterion]) -> str:
     """Return what is broken and by how much: "overshoot 24 (limit 20 %)"."""
     return ", ".join(f"{each.name.replace('_', ' ')} {written(each.value, 3)} (limit {written(each.limit, 3)} "
                      f"{each.unit})" for each in criteria if not each.ok and each.limit is not None)

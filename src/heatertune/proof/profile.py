@@ -19,7 +19,7 @@ from heatertune.proof.scenario import can_hold
 from heatertune.units import check, count
 from heatertune.writing import read_text
 
-__all__ = ["Leg", "Profile", "Segment", "profile_of_table", "read_profile", "table_of", "told_rate"]
+__all__ = ["Leg", "Profile", "Segment", "profile_of_table", "rate_text", "read_profile", "table_of"]
 
 
 _DIGITS: Final = 12  # of a digest, as it is told
@@ -148,11 +148,11 @@ class Profile:
             if abs(rate) > fastest:
                 way = "at full power" if _by_power(leg, models[0][0]) else "without power"
                 raise InputError(
-                    f"{self.name}, segment {leg.segment}: {told_rate(abs(rate))} to {leg.to_degC:g} °C is faster than "
-                    f"the weakest plausible heater follows {way} there; expected at most {told_rate(fastest)}")
+                    f"{self.name}, segment {leg.segment}: {rate_text(abs(rate))} to {leg.to_degC:g} °C is faster than "
+                    f"the weakest plausible heater follows {way} there; expected at most {rate_text(fastest)}")
 
 
-def told_rate(degC_per_s: float) -> str:
+def rate_text(degC_per_s: float) -> str:
     """Return a rate in the unit in which it is a handy number."""
     for factor, unit in ((1.0, "s"), (60.0, "min")):
         if factor * degC_per_s >= 1.0:

@@ -480,7 +480,7 @@ def _with_draws(
         return {}, []
     run = nearest(judged)
     part, own = runs.place(run)
-    draws = draw_noise(results[run].criteria[:len(judged[run])], lambda seeds: part.judged_with(seeds, own),
+    draws = draw_noise(results[run].criteria[:len(judged[run])], lambda seeds: part.criteria_with(seeds, own),
                   seed=part.scenario.seed, scans=part.scans, noise_degC=part.scenario.noise_degC)
     results[run] = _ran(results[run], draws.criteria)
     return {run: draws.seed}, [draws.summary]

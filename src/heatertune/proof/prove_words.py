@@ -50,8 +50,8 @@ if TYPE_CHECKING:
     from heatertune.keywords import ConditionOptions
 
 __all__ = [
-    "NEIGHBOURS_AT_REST", "actuator_for", "course_for", "default_pwm_period_s", "every_setpoint", "limits_of", "prove",
-    "setpoints_for", "told_of_aim", "tune_settings_for",
+    "NEIGHBOURS_AT_REST", "actuator_for", "aim_sentences", "course_for", "default_pwm_period_s", "every_setpoint",
+    "limits_of", "prove", "setpoints_for", "tune_settings_for",
 ]
 
 #: of which no run knows, and which a log of one heater need not show
@@ -269,7 +269,7 @@ def tune_settings_for(tuned: TuneSettings, conditions: Conditions) -> TuneSettin
     return replace(tuned, ms=min(tuned.ms, ms), step_power_pct=min(own, step_power))
 
 
-def told_of_aim(settings: TuneSettings, tuned: TuneSettings) -> tuple[str, ...]:
+def aim_sentences(settings: TuneSettings, tuned: TuneSettings) -> tuple[str, ...]:
     """Return the sentence that the design aims at a smaller Ms than it was asked for, where it does."""
     if tuned.ms < settings.ms:
         return (f"Ms <= {tuned.ms:g} instead of {settings.ms:g}, as the specification requires.",)

@@ -41,7 +41,7 @@ from heatertune.settings import Conditions, SampleSettings
 
 __all__ = [
     "RepeatedProof", "apply_provenance", "demand_consistent", "demand_same_files", "design_document", "files_of",
-    "made_again", "recorded_conditions", "repeat_proof", "scaling_of",
+    "recorded_conditions", "repeat_proof", "repeat_words", "scaling_of",
 ]
 
 
@@ -90,7 +90,7 @@ def scaling_of(recipe: DesignProvenance) -> Scaling:
     return controller_for(recipe.target).scaled(recipe.input, recipe.range_degC)
 
 
-def made_again(design: PidDesign, fitted: FittedModel, recipe: DesignProvenance) -> WordChoice:
+def repeat_words(design: PidDesign, fitted: FittedModel, recipe: DesignProvenance) -> WordChoice:
     """Return the words that a recipe makes of a design.
 
     Raises:
@@ -238,7 +238,7 @@ def design_document(
     document = pid_document(source, fitted, base)
     # as it will be read: a number that its text does not hold exactly makes other words
     again, kept_recipe = parts_of(document)
-    made = made_again(again, fitted, kept_recipe or base).words
+    made = repeat_words(again, fitted, kept_recipe or base).words
     return document if _same_words(made, proof.words) else None
 
 
@@ -253,7 +253,7 @@ def demand_consistent(folder: str | Path, documents: Mapping[str, Document]) -> 
 
     Raises:
         DocumentError: they do not.
-        InputError, OutOfRange: as `heatertune.proof.repetition.made_again`.
+        InputError, OutOfRange: as `heatertune.proof.repetition.repeat_words`.
     """
     place, document = Path(folder), documents["words"]
     words = words_of(document, str(document.get("target")), place / "words.json")
@@ -296,7 +296,7 @@ def _assumed_recipe(words: Words, proof: Document, design: PidDesign, fitted: Fi
     for way in ("rounded", "optimum"):
         recipe = replace(recipe, words_by=way)
         with suppress(HeatertuneError):
-            if _same_words(made_again(design, fitted, recipe).words, words):
+            if _same_words(repeat_words(design, fitted, recipe).words, words):
                 break
     return recipe
 
@@ -306,7 +306,7 @@ def _demand_words(
     where: Path
 ) -> None:
     """Refuse words that the design does not make, or that their document describes as others."""
-    made = made_again(design, fitted, recipe).words
+    made = repeat_words(design, fitted, recipe).words
     if not _same_words(made, words):
         other = next((f"words.{name}: {value:.9g}; the design makes it {made.values[name]:.9g}"
                       for name, value in words.values.items() if made.values[name] != value),

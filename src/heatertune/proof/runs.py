@@ -50,8 +50,9 @@ from heatertune.proof.scenario import Scenario, conditions, delay_heater, events
 from heatertune.proof.trace import Trace
 from heatertune.proof.verdict import Coverage, Interlock, Run
 
-__all__ = ["MOST_SCANS", "AllRuns", "Runs", "SearchBudget", "count_scans", "judged_once", "measure_runs",
-           "outside_budget"]
+__all__ = [
+    "MOST_SCANS", "AllRuns", "Runs", "SearchBudget", "count_scans", "judge_once", "measure_runs", "outside_budget",
+]
 
 
 #: that a search simulates where nothing else is said: about a minute of a processor, several times what most take
@@ -181,7 +182,7 @@ _judged: ContextVar[dict[Hashable, _Judged] | None] = ContextVar("judged", defau
 
 
 @contextmanager
-def judged_once() -> Iterator[None]:
+def judge_once() -> Iterator[None]:
     """Judge no run twice within the block: a search comes back to words that it had in its hands before."""
     mark = _judged.set({} if (around := _judged.get()) is None else around)
     try:
@@ -328,7 +329,7 @@ class Runs:
             return self._metered(range(len(self.cases)), tell=self._tell)
         judged = list[_Judged]()
         for run in range(len(self.cases)):
-            judged += self.judged_with([self.scenario.seed], run)
+            judged += self.criteria_with([self.scenario.seed], run)
             self._tell(len(judged))
         return judged
 
@@ -343,7 +344,7 @@ class Runs:
             return criteria
         return tuple(criterion for criterion in criteria if criterion.name not in RATED_ONLY)
 
-    def judged_with(self, seeds: Sequence[int], run: int) -> list[_Judged]:
+    def criteria_with(self, seeds: Sequence[int], run: int) -> list[_Judged]:
         """Return the criteria of one run with noise of other seeds."""
         if self.interlock is None:
             return self._metered([run] * len(seeds), seeds)

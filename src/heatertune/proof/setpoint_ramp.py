@@ -21,7 +21,7 @@ from heatertune.proof.criteria import band_of, names_of
 from heatertune.proof.heaters import labelled_heaters
 from heatertune.proof.long_outage import sums_up
 from heatertune.proof.phase_statistics import beyond_degC, offset_degC, settling_s, swing_degC
-from heatertune.proof.runs import judged_once
+from heatertune.proof.runs import judge_once
 from heatertune.proof.scenario import TO_SETPOINT
 from heatertune.proof.scenario import conditions as conditions_of
 from heatertune.proof.text_comparison import as_exported
@@ -135,7 +135,7 @@ def slow_ramps(proof: Proof, fitted: FittedModel) -> Iterator[Words]:
     yield from filter(None, (search.with_duration(share * search.longest_s) for share in _SLOW))
 
 
-@judged_once()
+@judge_once()
 def _ramped(
     words: Words, fitted: FittedModel, ramp: float | str | None, conditions: Conditions | None, plain: Proof | None,
     progress: ProgressCallback,

@@ -40,9 +40,9 @@ from heatertune.units import check, count
 __all__ = [
     "ASSUMED", "BREAKS_NONE", "FIRST", "INTERLOCKS", "NOTHING_PASSES", "NOT_PROVEN", "PROOF_SCHEMA", "WIDER",
     "Acceptance", "Coverage", "FitDiagnostics", "FitDiagnosticsView", "Interlock", "Run", "blocking_findings",
-    "closing_text", "combined_verdict", "demand_none", "derived_verdict", "extent", "relaxed_clause", "relaxed_of",
-    "sample_lines", "samples_told", "switching_lines", "told_by_kind", "told_of", "verdict_brief",
-    "verdict_details", "verdict_first", "verdict_line", "verdict_of_samples", "wear_text",
+    "closing_text", "combined_verdict", "demand_none", "derived_verdict", "extent", "notes_by_kind",
+    "relaxed_clause", "relaxed_of", "sample_lines", "samples_text", "switching_lines", "verdict_brief",
+    "verdict_details", "verdict_first", "verdict_line", "verdict_notes", "verdict_of_samples", "wear_text",
 ]
 
 
@@ -197,7 +197,7 @@ def verdict_brief(proof: Document) -> str:
 def verdict_details(proof: Document) -> list[str]:
     """Return what a proof's document leaves open, each with what closes it, and the conditions it holds under."""
     blocking = [closing_text(finding, proof, f" ({finding['name']}): ") for finding in blocking_findings(proof)]
-    return [*sample_lines(proof), *blocking, *told_of(proof), *switching_lines(proof)]
+    return [*sample_lines(proof), *blocking, *verdict_notes(proof), *switching_lines(proof)]
 
 
 def _head(proof: Document) -> str:
@@ -240,10 +240,10 @@ def _rise_degC(proof: Document) -> float:
 
 def sample_lines(proof: Document) -> list[str]:
     """Return what the samples of a proof's document show, a few words; nothing where there are none."""
-    return [] if (drawn := proof.get("samples")) is None else [samples_told(drawn)]
+    return [] if (drawn := proof.get("samples")) is None else [samples_text(drawn)]
 
 
-def samples_told(drawn: Document) -> str:
+def samples_text(drawn: Document) -> str:
     """Return how many samples keep every limit, under which setting the fewest do, and what that shows."""
     number, quantile, kept = drawn["count"], drawn["quantile"], [one["passing_count"] for one in drawn["settings"]]
     share, must = f"{min(kept)} of {number} samples keep every limit{_under(drawn['settings'])}", 100.0 * quantile
@@ -291,14 +291,14 @@ def _broken(proof: Document) -> Sequence[str]:
     return [name.replace("_", " ") for name, criterion in proof["criteria"].items() if not criterion["ok"]]
 
 
-def told_of(proof: Document) -> list[str]:
+def verdict_notes(proof: Document) -> list[str]:
     """Return what is told, widened, accepted and assumed in a proof's document, a few words each."""
-    told = told_by_kind(proof)
+    told = notes_by_kind(proof)
     untold = [f"not tested: {', '.join(told['not tested'])}"] if told["not tested"] else []
     return [*told["asked"], *told["assumed"], *told["not known"], *told["changed"], *untold]
 
 
-def told_by_kind(proof: Document) -> dict[str, list[str]]:
+def notes_by_kind(proof: Document) -> dict[str, list[str]]:
     """Return the same by what it is: "not known", "not tested", "assumed", "asked" or "changed"."""
     findings = [(KINDS[finding["name"]], finding["accepted"]) for finding in proof["findings"]]
     others = [kind.short for kind, _ in findings if kind.effect != "blocks" and not kind.is_assumption]

@@ -31,13 +31,15 @@ from heatertune.proof.verdict import (
     extent,
     relaxed_clause,
     sample_lines,
-    told_of,
     verdict_first,
     verdict_line,
+    verdict_notes,
 )
 
-__all__ = ["WORDS_SCHEMA", "WholeWordsView", "certificate", "demand_same_words", "export_first",
-           "pwm_period_in", "read_words", "words_in", "words_of"]
+__all__ = [
+    "WORDS_SCHEMA", "WholeWordsView", "certificate", "demand_same_words", "export_first", "pwm_period_in",
+    "read_words", "words_in", "words_of",
+]
 
 WORDS_SCHEMA: Final = "heatertune/words/2"
 
@@ -208,7 +210,7 @@ def certificate(proof: Document, *, force: bool = False) -> Certificate:
     lines += [f"assumed: {name} = {setting}" for name, setting in proof["stated_settings"].items()]
     lines += [f"not kept: {name}" for name in failed]
     lines += [f"not proven: {finding['message']}" for finding in open_]
-    lines += [*sample_lines(proof), *told_of(proof)]
+    lines += [*sample_lines(proof), *verdict_notes(proof)]
     spec = proof["specification"]
     return Certificate(verdict=verdict, lines=tuple(lines), forced=verdict != "PASS", digest=proof["digest"],
                        setpoint_degC=proof["scenario"]["setpoint_degC"], actuator=Actuator(**proof["actuator"]),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from heatertune.lazy import lazy_attributes
 
 if TYPE_CHECKING:
-    from heatertune.report.as_left_section import written_brief
+    from heatertune.report.as_left_section import writes_brief
     from heatertune.report.controller_comparison import render_targets, targets_brief, targets_table
     from heatertune.report.health_page import loops_lines, loops_page
     from heatertune.report.page import render, sections
@@ -37,10 +37,11 @@ if TYPE_CHECKING:
 
 __all__ = [
     "advice_table", "alternatives_table", "criteria_table", "design_brief", "design_lines", "difference_lines",
-    "feed_forward_lines", "forms_lines", "hypothesis_table", "loops_lines", "loops_page", "model_brief", "model_lines",
-    "outcome_lines", "pareto_table", "plan_csv", "plan_lines", "ramp_note", "render", "render_targets",
-    "samples_table", "sections", "summary", "supervision_html", "supervision_page", "targets_brief", "targets_table",
-    "tune_brief", "validation_lines", "verify_brief", "words_table", "written_brief",
+    "feed_forward_lines", "forms_lines", "hypothesis_table", "loops_lines", "loops_page", "model_brief",
+    "model_lines", "outcome_lines", "pareto_table", "plan_csv", "plan_lines", "ramp_note", "render",
+    "render_targets", "samples_table", "sections", "summary", "supervision_html", "supervision_page",
+    "targets_brief", "targets_table", "tune_brief", "validation_lines", "verify_brief", "words_table",
+    "writes_brief",
 ]
 
 __getattr__, __dir__ = lazy_attributes(__name__, {
@@ -53,5 +54,5 @@ __getattr__, __dir__ = lazy_attributes(__name__, {
     "report.supervision": ("supervision_html", "supervision_page"),
     "report.controller_comparison": ("render_targets", "targets_brief", "targets_table"),
     "report.verdict_summary": ("design_brief", "model_brief", "tune_brief", "verify_brief"),
-    "report.as_left_section": ("written_brief",),
+    "report.as_left_section": ("writes_brief",),
 })

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 __all__ = [
-    "CURVES", "as_left_brief", "in_plc", "judged_text", "measured_text", "plot_as_left", "worst_text", "written",
-    "written_brief",
+    "CURVES", "as_left_brief", "in_plc", "judgement_text", "measured_text", "plot_as_left", "worst_text",
+    "writes_brief", "written",
 ]
 
 
@@ -42,7 +42,7 @@ def written(documents: Mapping[str, Document]) -> str:
         _passage(one, documents["words"]) for one in found["passages"])
 
 
-def written_brief(document: Document, page: str) -> str:
+def writes_brief(document: Document, page: str) -> str:
     """Return each time that somebody wrote, as a terminal shows it."""
     parts = [wrap_text(f"{_when(one)}, {_where(one)}: {one['message']}", f"{_outcome(one)}  ") + [
         f"  {row[0]:<14} {row[1]} -> {row[3]}" for row in _quantities(one)] for one in document["passages"]]
@@ -183,7 +183,7 @@ def as_left_brief(left: Document, target: str, page: str, *, whole: bool = False
     for line in left["measurements"]:
         if line["measured"] is not None or whole:
             rows.append((readable_name(line["name"]), limit_text(line), worst_text(line),
-                         measured_text(line), judged_text(line) or (line["message"] if whole else "")))
+                         measured_text(line), judgement_text(line) or (line["message"] if whole else "")))
     figures = [row if whole else cut(row) for row in text_table(rows, right=(1, 2, 3)).splitlines()] if rows[1:] else []
     others = [f"{len(left['measurements']) - count} criteria cannot be seen in this trace (--verbose says why)"]
     notes = [f"- {note}" for note in left["notes"]] if whole else notes_within(
@@ -191,7 +191,7 @@ def as_left_brief(left: Document, target: str, page: str, *, whole: bool = False
     return screen(lines, figures, [*([] if whole else others), *notes], [page])
 
 
-def judged_text(line: Document) -> str:
+def judgement_text(line: Document) -> str:
     """Return whether the measured value is as proven, "" if it was not measured."""
     if line["keeps"] is False:
         return "FAIL"

@@ -24,9 +24,9 @@ from heatertune.plc.keyed_entry import KeyedEntry
 from heatertune.plc.targets import commissioning
 from heatertune.proof.criteria import CRITERION, LIMITS
 from heatertune.proof.profile import Profile
-from heatertune.proof.verdict import blocking_findings, relaxed_clause, sample_lines, samples_told, told_of
+from heatertune.proof.verdict import blocking_findings, relaxed_clause, sample_lines, samples_text, verdict_notes
 from heatertune.report import plots
-from heatertune.report.as_left_section import in_plc, judged_text, measured_text, plot_as_left, worst_text, written
+from heatertune.report.as_left_section import in_plc, judgement_text, measured_text, plot_as_left, worst_text, written
 from heatertune.report.html import BLANK, Markup, bullets, page, picture, steps, table, text_of, tick, with_code
 from heatertune.report.report_text import (
     NOT_IDENTIFIED,
@@ -196,7 +196,7 @@ def _verdict(documents: Documents) -> str:
     names = [finding["name"] for finding in proof["findings"]]
     points = [f"Not proven: {finding['message']} Remedy: {remedy_of(finding['name'], names)}."
               for finding in blocking_findings(proof)]
-    points += [*sample_lines(proof), *told_of(proof)]
+    points += [*sample_lines(proof), *verdict_notes(proof)]
     verdict = " ".join(filter(None, (proof["verdict"], relaxed_clause(proof))))
     forced = " The parameters were exported anyway (--force)." if documents["words"].get("forced") else ""
     return (
@@ -310,7 +310,8 @@ def _acceptance(documents: Documents) -> str:
         measured = line["measured"] is not None
         if CRITERION[name].source == "run" and (one["limit"] is not None or measured):
             rows.append([tick(f"test-{name}", f"{readable_name(name)} accepted"), readable_name(name), limit_text(one),
-                         worst_text(_line(name, one)), measured_text(line) if measured else BLANK, judged_text(line)])
+                         worst_text(_line(name, one)), measured_text(line) if measured else BLANK,
+                         judgement_text(line)])
     ends = proof["criteria"].get("settling_time", {}).get("limit")
     long_enough = "" if ends is None else f" for at least {2.0 * ends:.0f} s"
     heads = ["", "criterion", "limit", "proven worst", "measured", ""]
@@ -520,7 +521,7 @@ def _on_drawn_heaters(proof: Document) -> str:
     if "samples" not in proof:
         return ""
     heads, *rows = samples_rows(proof["samples"])
-    told = f"{proof['samples']['verdict']}: {samples_told(proof['samples'])}."
+    told = f"{proof['samples']['verdict']}: {samples_text(proof['samples'])}."
     source = "random heater, mains voltage, room, load and sensor; each sample under its worst setting"
     return f"<h3>Samples</h3><p>{text_of(told)}</p>{table(heads, rows, numeric=(1, 2, 3, 4), source=source)}"
 

@@ -15,7 +15,7 @@ from heatertune.plc.controller import controller_for
 from heatertune.plc.inputs import INPUTS
 from heatertune.plc.keyed_entry import KeyedEntry, setpoint_entry, typed_table, typed_words, word_text
 from heatertune.plc.targets import GROUPS, NAMES, TARGETS
-from heatertune.proof.verdict import samples_told, verdict_line
+from heatertune.proof.verdict import samples_text, verdict_line
 from heatertune.proof.words_file import words_of
 from heatertune.report.layout import table
 from heatertune.units import NOMENCLATURE, written
@@ -24,8 +24,9 @@ __all__ = [
     "NOT_IDENTIFIED", "advice_table", "alternatives_table", "criteria_table", "criterion_value", "design_lines",
     "difference_lines", "feed_forward_lines", "figure", "forms_lines", "holder", "hypothesis_rows",
     "hypothesis_table", "keyed_entries", "limit_text", "main_file", "model_lines", "model_rows", "opinion_rows",
-    "outcome_lines", "pareto_table", "plan_csv", "plan_lines", "quantity", "ramp_note", "readable_name", "samples_rows",
-    "samples_table", "search_notes", "setpoint_text", "summary", "unit_text", "validation_lines", "words_table",
+    "outcome_lines", "pareto_table", "plan_csv", "plan_lines", "quantity", "ramp_note", "readable_name",
+    "samples_rows", "samples_table", "search_notes", "setpoint_text", "summary", "unit_text", "validation_lines",
+    "words_table",
 ]
 
 
@@ -274,7 +275,7 @@ def samples_table(proof: Document) -> list[str]:
         return []
     samples = proof["samples"]
     return [
-        f"samples from seed {samples['seed']} on: {samples_told(samples)}: {samples['verdict']}; the worst: --replay "
+        f"samples from seed {samples['seed']} on: {samples_text(samples)}: {samples['verdict']}; the worst: --replay "
         f"{samples['worst_seed']}",
         table(samples_rows(samples), right=(1, 2, 3, 4)),
     ]

@@ -24,9 +24,9 @@ from heatertune.proof.verdict import (
     WIDER,
     blocking_findings,
     closing_text,
+    notes_by_kind,
     relaxed_clause,
     sample_lines,
-    told_by_kind,
     verdict_of_samples,
     wear_text,
 )
@@ -275,7 +275,7 @@ def _called(name: str) -> str:
 
 def _doubts(proof: Document, unsure: Iterable[str] = ()) -> dict[str, list[str]]:
     """Return the gaps and assumptions of the verdict, the most important first."""
-    told = told_by_kind(proof)
+    told = notes_by_kind(proof)
     known = [f"{name} = {setting}" for name, setting in proof["stated_settings"].items()]
     assumed = [each.removeprefix("assumed: ") for each in told["assumed"]]
     return {

@@ -25,7 +25,7 @@ from heatertune.plc import controller_for
 from heatertune.processors import ProgressCallback
 from heatertune.proof.as_left import AsLeft, as_left
 from heatertune.proof.proof_document import ProofView
-from heatertune.report.as_left_section import judged_text, measured_text, worst_text
+from heatertune.report.as_left_section import judgement_text, measured_text, worst_text
 from heatertune.report.html import bullets, table, text_of
 from heatertune.report.plots import LOOK
 from heatertune.report.report_text import limit_text, readable_name
@@ -39,15 +39,17 @@ from heatertune.studio.loop_settings import (
     find_design,
     first_look,
     full_proof,
-    on_drawn_heaters,
     optimum,
+    results_on_samples,
 )
 from heatertune.studio.session import FrontDesign, Session, Ticket, fit_log, read_source
 from heatertune.studio.views import export_name
-from heatertune.studio.wording import fault_told, for_page
+from heatertune.studio.wording import fault_text, for_page
 from heatertune.studio.zones_design import DesignedZones, ZonesRequest, design_of, suitable_range, zones_found, zones_of
 
-__all__ = ["Follower", "Work", "export_zip", "figures", "held_against", "left_chart", "left_sentence", "report_page"]
+__all__ = [
+    "Follower", "Work", "compare_with_proof", "export_zip", "figures", "left_chart", "left_sentence", "report_page",
+]
 
 
 _EPOCH: Final = (1980, 1, 1, 0, 0, 0)  # the earliest a zip can hold: no date
@@ -97,7 +99,7 @@ _BAND: Final = "#8c8c8c"
 _OUTSIDE: Final = "rgba(163, 60, 0, 0.13)"
 
 
-def held_against(standing: FrontDesign, log: Log, about: AsLeftSettings, progress: ProgressCallback) -> AsLeft:
+def compare_with_proof(standing: FrontDesign, log: Log, about: AsLeftSettings, progress: ProgressCallback) -> AsLeft:
     """Return a trace beside the proof of a design; errors as `heatertune.proof.as_left.as_left`."""
     proof = decode(ProofView, plain(document_of(standing.proof)), "the proof")
     return as_left(log, standing.look.gains.words, standing.fitted, proof, about, progress=progress)
@@ -115,7 +117,7 @@ def left_sentence(left: AsLeft, verdict: str) -> str:
 def figures(left: AsLeft) -> str:
     """Return limit, proven worst and measured side by side, why a figure is not measured, and the notes, as HTML."""
     lines = plain(encode(left))["measurements"]
-    seen = [[*_proven(line), measured_text(line), judged_text(line) or for_page(line["message"])]
+    seen = [[*_proven(line), measured_text(line), judgement_text(line) or for_page(line["message"])]
             for line in lines if line["measured"] is not None]
     unseen = [[*_proven(line), for_page(line["message"])] for line in lines if line["measured"] is None]
     heads = ("criterion", "limit", "proven worst")
@@ -251,7 +253,7 @@ class Work:
     def fault(self, problem: Exception) -> str:
         """Tell on every page that something went wrong inside, its traceback on stderr; return the sentence."""
         _log.error("unexpected fault", exc_info=problem)
-        self.session.fault = fault_told(problem)
+        self.session.fault = fault_text(problem)
         self.tell()
         return self.session.fault
 
@@ -314,7 +316,7 @@ class Work:
             return
         self._looking = True
         try:
-            while not session.known_look():
+            while not session.show_remembered():
                 ticket, fitted, settings, gains = session.ticket, session.fitted, session.settings, session.gains()
                 try:
                     look = await asyncio.to_thread(first_look, fitted, settings, gains)
@@ -441,7 +443,7 @@ class Work:
         newest = self._held
         try:
             standing, ticket = session.front_design(number), session.ticket
-            left = await self._told(lambda tell: held_against(standing, log, about, tell),
+            left = await self._told(lambda tell: compare_with_proof(standing, log, about, tell),
                                     f"holding {log.name} against the proof", lambda: newest == self._held)
         except _ResultNotNeeded:
             return
@@ -459,8 +461,8 @@ class Work:
         self._drawing, self.session.fault = True, ""
         self.tell()
         try:
-            samples = await self._told(lambda _: on_drawn_heaters(proven.fitted, proven.look), what, lambda: True)
-            self.session.drawn_done(ticket, proven.proof, samples)
+            samples = await self._told(lambda _: results_on_samples(proven.fitted, proven.look), what, lambda: True)
+            self.session.samples_done(ticket, proven.proof, samples)
         except Exception as problem:
             self.session.fault = str(self._kind(problem))
         finally:
@@ -607,7 +609,7 @@ class Work:
         if isinstance(problem, HeatertuneError):
             return problem
         _log.error("unexpected fault", exc_info=problem)
-        return RuntimeError(fault_told(problem))
+        return RuntimeError(fault_text(problem))
 
     async def zip(self, number: int, *, force: bool) -> tuple[str, bytes]:
         """Return name and content of the export files of the design that bears a number.

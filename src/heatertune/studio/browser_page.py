@@ -20,7 +20,7 @@ from heatertune.errors import HeatertuneError, InputError
 from heatertune.proof import Proof
 from heatertune.proof.as_left import AsLeft
 from heatertune.proof.design_request import with_pwm
-from heatertune.proof.verdict import NOT_PROVEN, samples_told
+from heatertune.proof.verdict import NOT_PROVEN, samples_text
 from heatertune.report.html import text_of
 from heatertune.report.report_text import samples_rows
 from heatertune.studio import charts, views
@@ -33,7 +33,7 @@ from heatertune.studio.loop_settings import DRAWN, LoopView
 from heatertune.studio.proof_picture import Picture, picture_of
 from heatertune.studio.session import PinnedDesign
 from heatertune.studio.sheet_card import DroppedFile, SheetCard
-from heatertune.studio.wording import assumed_told, for_page
+from heatertune.studio.wording import assumptions_text, for_page
 from heatertune.studio.zones_card import ZonesCard
 from heatertune.writing import read_bytes
 
@@ -100,7 +100,7 @@ class DrawnCard:
         self._table.set_content("" if samples is None else _table(samples))
         if samples is not None:
             verdict = samples["verdict"]
-            self._sentence.set_text(f"{verdict}: {samples_told(samples)}. The worst is number {samples['worst_seed']}.")
+            self._sentence.set_text(f"{verdict}: {samples_text(samples)}. The worst is number {samples['worst_seed']}.")
             self._sentence.classes(remove="pass fail", add="pass" if verdict == "PASS" else "fail")
 
 
@@ -602,7 +602,7 @@ class Page:
 
     def _show_mend(self) -> None:
         session = self.session
-        mend, assumed = session.suggestion, assumed_told(session.settings)
+        mend, assumed = session.suggestion, assumptions_text(session.settings)
         self._mend_told.set_text(" ".join(filter(None, (assumed, mend.message if mend else ""))))
         self._mend_button.set_text(mend.button if mend else "")
         self._mend_button.set_visibility(bool(mend and mend.button))

@@ -12,7 +12,7 @@ import numpy as np
 from heatertune.arrays import Array
 from heatertune.errors import InputError
 from heatertune.live.client.connection import address_of
-from heatertune.live.controller_block import ROLES, places_given
+from heatertune.live.controller_block import ROLES, places_from
 from heatertune.live.recorder import RecordingSetup, RecordingState, record
 from heatertune.studio.proof_picture import downsample
 
@@ -72,7 +72,7 @@ class LiveLog:
 
         Raises:
             HeatertuneError: no address, no log, a time that is none; as
-                `heatertune.live.controller_block.places_given`.
+                `heatertune.live.controller_block.places_from`.
         """
         self.address, where = request.address.strip(), request.where.strip()
         if not request.log.strip():
@@ -80,7 +80,7 @@ class LiveLog:
         self.path = Path(request.log.strip()).expanduser().absolute()
         self._address = address_of(self.address)
         is_design = bool(where) and Path(where).expanduser().is_dir()
-        self._places = places_given(design=where if is_design else None,
+        self._places = places_from(design=where if is_design else None,
                                     map_file=where if where and not is_design else None)
         self._settings = RecordingSetup(every_s=_seconds(request.every), append=request.append)
         self.so_far: RecordingState | None = None

@@ -37,7 +37,7 @@ from heatertune.units import check
 
 __all__ = [
     "DRAWN", "SLIDERS", "CandidateWords", "DesignOutcome", "LoopView", "Slider", "StudioSettings", "document_of",
-    "find_design", "first_look", "full_proof", "on_drawn_heaters", "optimum", "settings_for",
+    "find_design", "first_look", "full_proof", "optimum", "results_on_samples", "settings_for",
 ]
 
 
@@ -276,7 +276,7 @@ def full_proof(fitted: FittedModel, look: LoopView, progress: ProgressCallback =
     return proof
 
 
-def on_drawn_heaters(fitted: FittedModel, look: LoopView) -> dict[str, Any]:
+def results_on_samples(fitted: FittedModel, look: LoopView) -> dict[str, Any]:
     """Return what the same words do on `DRAWN` heaters and days drawn at random, as `verify --samples` does.
 
     Raises:

@@ -28,7 +28,7 @@ from heatertune.processors import ProgressCallback
 from heatertune.proof import Proof
 from heatertune.proof.as_left import AsLeft
 from heatertune.proof.design_request import DesignResult
-from heatertune.proof.repetition import demand_same_files, made_again
+from heatertune.proof.repetition import demand_same_files, repeat_words
 from heatertune.proof.specification import GENERAL, PRESETS
 from heatertune.settings import Conditions, FitSettings
 from heatertune.studio.loop_settings import CandidateWords, DesignOutcome, LoopView, StudioSettings, settings_for
@@ -96,7 +96,7 @@ def read_source(source: str) -> LogSource:
 def _found(design: PidDesign, fitted: FittedModel, recipe: DesignProvenance, source: str) -> DesignOutcome:
     """Return the design of a folder as the page takes one that it found; errors as the stages."""
     demand_same_files(recipe, (), source)
-    choice = made_again(design, fitted, recipe)
+    choice = repeat_words(design, fitted, recipe)
     proof = chain.prove(choice.words, fitted, recipe.conditions)
     closed = DesignResult(ideal=design, choice=choice, proof=proof, conditions=recipe.conditions, recipe=recipe,
                     notes=(": ".join(filter(None, (f"This is the design of {source}", recipe.way_on))),))
@@ -273,7 +273,7 @@ class Session:
         except HeatertuneError as problem:
             self.fail(problem)
         else:
-            self.known_look()
+            self.show_remembered()
 
     @property
     def ticket(self) -> Ticket:
@@ -307,9 +307,9 @@ class Session:
         _keep(self._gains, self._words_key(settings, heater), look.gains)
         _keep(self._looks, better, look)
         self._pins = [(name, look, better) if its == ticket else (name, old, its) for name, old, its in self._pins]
-        self.known_look()
+        self.show_remembered()
 
-    def known_look(self) -> bool:
+    def show_remembered(self) -> bool:
         """Show the loop of the settings where it is remembered; return whether it is."""
         look = self._looks.pop(self.ticket, None)
         if look is not None:
@@ -322,7 +322,7 @@ class Session:
         _keep(self._looks, ticket, look)
         if look.gains.proof is not None:
             _keep(self._proofs, ticket, look.gains.proof)
-        return ticket == self.ticket and self.known_look()
+        return ticket == self.ticket and self.show_remembered()
 
     def look_refused(self, ticket: Ticket, problem: Exception) -> bool:
         """Show why there is no loop where the settings are still in front; return whether they are."""
@@ -347,7 +347,7 @@ class Session:
         found = self._found.get(self.key)
         if found is not None:
             self._serve(found)
-        self.known_look()
+        self.show_remembered()
 
     def _serve(self, outcome: DesignOutcome) -> None:
         """Let a plain optimum that was taken serve other settings of the proof, too."""
@@ -424,7 +424,7 @@ class Session:
         """The trace beside the proof of the design in front; None where none was held against that very proof."""
         return self._of_front(self._left)
 
-    def drawn_done(self, ticket: Ticket, proof: Proof, samples: Mapping[str, Any]) -> None:
+    def samples_done(self, ticket: Ticket, proof: Proof, samples: Mapping[str, Any]) -> None:
         """Take what a proven design does on drawn heaters; it is seen whenever that very design is in front."""
         _keep(self._drawn, ticket, (proof, samples))
 

@@ -13,7 +13,7 @@ from typing import Any, Final
 from heatertune.proof.redesign import DesignResult
 from heatertune.studio.loop_settings import StudioSettings
 
-__all__ = ["SuggestedChange", "assumed_told", "fault_told", "for_page", "mend_for"]
+__all__ = ["SuggestedChange", "assumptions_text", "fault_text", "for_page", "mend_for"]
 
 
 _OPTION: Final = re.compile(r"--([a-z]+(?:-[a-z]+)*)(?: NAME(?: or N|\|N)?| LOW HIGH| PCT)?")
@@ -57,7 +57,7 @@ def for_page(text: str) -> str:
     return re.sub(r":(?=[).,;]|$)", "", text) if "unit:" in text else text
 
 
-def fault_told(problem: Exception) -> str:
+def fault_text(problem: Exception) -> str:
     """Return what a user is told of a fault of heatertune itself, and what to do."""
     return (f"Something went wrong inside heatertune ({type(problem).__name__}). Log and settings are kept: move a "
             "control to continue; if it happens again, restart the studio and report what its terminal shows.")
@@ -116,7 +116,7 @@ def mend_for(result: DesignResult, settings: StudioSettings) -> SuggestedChange:
     return SuggestedChange(message=told, changes=moved, button=button)
 
 
-def assumed_told(settings: StudioSettings) -> str:
+def assumptions_text(settings: StudioSettings) -> str:
     """Return what was allowed or taken as known beside the defaults, "" where nothing was."""
     parts = [f"{name} = {setting}" for name, setting in settings.assumptions]
     parts += [f"{name.replace('-', ' ')} up to {value}" for name, _, value in

@@ -25,7 +25,7 @@ from heatertune.live.simulator_status import OWN, OWN_LENGTH, SimulatorStatus
 
 __all__ = [
     "EXAMPLES", "LIBRARIES", "Address", "Client", "ClosesOnExit", "RequestConnection", "SignOfLife", "address_of",
-    "close_by_reset", "connect", "demand_library", "told_by",
+    "close_by_reset", "connect", "demand_library", "status_of_simulator",
 ]
 
 
@@ -375,7 +375,7 @@ def demand_library(protocol: str) -> None:
         raise InputError(f'{protocol} needs {module}: pip install "heatertune[{extra}]"')
 
 
-def told_by(client: Client) -> SimulatorStatus | None:
+def status_of_simulator(client: Client) -> SimulatorStatus | None:
     """Return what the simulator's own block says; None: this is no simulator.
 
     Raises:

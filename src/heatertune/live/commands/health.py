@@ -13,7 +13,7 @@ from heatertune.cli import common, printing
 from heatertune.cli.printing import LINE
 from heatertune.errors import InputError
 from heatertune.live.client.connection import address_of
-from heatertune.live.commands.record_watch import asked_to_end, tell_unended
+from heatertune.live.commands.record_watch import end_requests, tell_unended
 from heatertune.settings import ReadSettings, WordSettings
 from heatertune.writing import write_files
 
@@ -96,7 +96,7 @@ def _logs(settings: argparse.Namespace, page: Path) -> tuple[str | Path, Any, li
     for text in addresses:
         tell_unended(address_of(text))
     folder = page.with_name(f"{page.stem}_logs") / f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}"
-    with asked_to_end() as asked:
+    with end_requests() as asked:
         loops, left_out = record_addresses(
             addresses, folder, RecordingSetup(for_s=settings.for_s, every_s=settings.interval), loops=settings.loops,
             ended=lambda: bool(asked), shown=lambda rows: None if settings.quiet else LINE.show(

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from heatertune.live.write.proven_words import ProvenWords
 
 __all__ = [
-    "ALL_SIGNALS", "RECORD_EXAMPLE", "WATCH_EXAMPLE", "add_record", "add_watch", "add_zone_blocks", "asked_to_end",
+    "ALL_SIGNALS", "RECORD_EXAMPLE", "WATCH_EXAMPLE", "add_record", "add_watch", "add_zone_blocks", "end_requests",
     "live_line", "show_notes", "signals_as_ctrl_c", "tell", "tell_unended", "zones_of",
 ]
 
@@ -103,7 +103,7 @@ def _run_record(settings: argparse.Namespace) -> int:
     tell_unended(address)
     shown_notes: list[str] = []
     signals = [name for name in _ENDING if not (settings.service and name == "SIGHUP")]
-    with asked_to_end(signals) as asked, asked_to_end(("SIGHUP",) if settings.service else ()) as hang_ups:
+    with end_requests(signals) as asked, end_requests(("SIGHUP",) if settings.service else ()) as hang_ups:
         def shown(so_far: RecordingState) -> None:
             show_notes(so_far, shown_notes)
             if not settings.quiet:
@@ -119,9 +119,9 @@ def _run_record(settings: argparse.Namespace) -> int:
 
 def _places(settings: argparse.Namespace, address: Address) -> Places | ZonesPlaces | None:
     """Return where the PLC shows what is recorded, of one heater or of several zones."""
-    from heatertune.live.controller_block import places_given
+    from heatertune.live.controller_block import places_from
 
-    return zones_of(settings.design, address, settings.zone_blocks) or places_given(
+    return zones_of(settings.design, address, settings.zone_blocks) or places_from(
         design=settings.design, map_file=settings.map)
 
 
@@ -169,7 +169,7 @@ _IGNORED: Final = ("SIGTTOU", "SIGTTIN")
 
 
 @contextmanager
-def asked_to_end(signals: Sequence[str] = _ENDING) -> Iterator[list[int]]:
+def end_requests(signals: Sequence[str] = _ENDING) -> Iterator[list[int]]:
     """Give a list that is filled when somebody asks for the end.
 
     What the caller of this program has it ignore, as `nohup` does with SIGHUP, stays ignored, but for Ctrl-C and
@@ -306,7 +306,7 @@ def _run_watch(settings: argparse.Namespace) -> int:
     beside, monitored = BandWatch(proven), _monitored(settings.monitor, proven)
     others, unknown = others_there(proven, address)
     unended = Hold(address).message()
-    with asked_to_end() as asked:
+    with end_requests() as asked:
         so_far = record(address, log, places, RecordingSetup(
             every_s=None if monitored is None else min(1.0, 0.5 * monitored.view.scan_s), for_s=settings.for_s,
             append=settings.append, pwm_period_s=proven.view.actuator.pwm_period_s),

@@ -16,7 +16,7 @@ from heatertune.cli import printing
 from heatertune.cli.printing import LINE
 from heatertune.errors import HeatertuneError, InputError
 from heatertune.live.client.connection import address_of
-from heatertune.live.commands.record_watch import ALL_SIGNALS, asked_to_end, live_line, tell
+from heatertune.live.commands.record_watch import ALL_SIGNALS, end_requests, live_line, tell
 
 if TYPE_CHECKING:
     from heatertune.live.experiment import Experiment, ExperimentResult
@@ -83,7 +83,7 @@ def _run_experiment(settings: argparse.Namespace) -> int:
         f"no heater in {settings.design}: neither a frozen sensor nor a rise that no heater makes is noticed",)
     found = (*whole.check(), *blind)
     _agree(settings, whole, found)
-    with asked_to_end(ALL_SIGNALS) as asked:
+    with end_requests(ALL_SIGNALS) as asked:
         ended = whole.run(settings.out, aims, ExperimentObserver(
             on_row=_shown(settings, whole), key=lambda: bool(asked), fit=_fit if aims.shares else None,
             progress=_to_terminal, enough=lambda: asked.count(signal.SIGINT) > 1))

@@ -16,7 +16,7 @@ from heatertune.cli import printing
 from heatertune.cli.printing import LINE
 from heatertune.errors import LinkError
 from heatertune.live.client.connection import Address
-from heatertune.live.commands.record_watch import asked_to_end, show_notes, signals_as_ctrl_c, zones_of
+from heatertune.live.commands.record_watch import end_requests, show_notes, signals_as_ctrl_c, zones_of
 from heatertune.live.hold import Hold
 from heatertune.live.joint.zones_proof import ProvenZones, read_proven_zones
 from heatertune.live.joint.zones_watch import ZonesWatch
@@ -156,7 +156,7 @@ def watch(settings: argparse.Namespace, address: Address) -> int:
     log = Path(settings.out or Path(settings.design) / f"watch_{datetime.now(UTC):%Y%m%d_%H%M%S}.csv")
     found, unended = ZonesWatch(proven), Hold(address).message()
     others = _others(proven, places.addresses)
-    with asked_to_end() as asked:
+    with end_requests() as asked:
         so_far = record(address, log, places, RecordingSetup(
             for_s=settings.for_s, append=settings.append, pwm_period_s=proven.design.pwm_period_s),
             shown=_shown(settings, found), ended=lambda: bool(asked))

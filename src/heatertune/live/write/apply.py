@@ -19,7 +19,7 @@ from heatertune.live.client.connection import Address
 from heatertune.live.hold import Hold, WayBack, WayBackPart, new_way_back
 from heatertune.live.write.band import watch_response
 from heatertune.live.write.plc_block import BlockImage, BlockSnapshot, LinkSettings, Peer, WritePart, block_image
-from heatertune.live.write.proven_words import Check, Declared, ProvenWords, checks, interval_found, refusal_reason
+from heatertune.live.write.proven_words import Check, Declared, ProvenWords, call_interval, checks, refusal_reason
 from heatertune.live.write.rollback import record_outcome
 from heatertune.live.write.write_record import (
     MOST_WRITES,
@@ -186,7 +186,7 @@ def plan_write(wanted: WriteRequest, peer: Peer) -> WritePlan:
 def _now(wanted: WriteRequest, there: BlockImage, look: BlockSnapshot) -> Side:
     """Return what a PLC runs, called as often as it, its words or its user say; else as often as was proven."""
     words = there.words(look.content, wanted.proven_words.words)
-    interval_s, _ = interval_found(there, look, wanted.declared)
+    interval_s, _ = call_interval(there, look, wanted.declared)
     taken_over = () if interval_s is not None else ("call interval",)
     return Side(source=wanted.address.text, kind="machine",
                 words=words if interval_s is None else replace(words, sample_time_s=interval_s),

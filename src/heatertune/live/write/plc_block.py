@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from heatertune.errors import InputError, LinkDown, LinkError, PlcRefused, ReplyLost
 from heatertune.live.block_memory import BlockSignal, field_of, to_word_format
-from heatertune.live.client.connection import Address, Client, ClosesOnExit, SignOfLife, connect, told_by
+from heatertune.live.client.connection import Address, Client, ClosesOnExit, SignOfLife, connect, status_of_simulator
 from heatertune.live.controller_block import SERVED, ServedBlock, block_for
 from heatertune.live.hold import HOST, Clock
 from heatertune.live.siemens_blocks import TAGGED, instance_of
@@ -340,7 +340,7 @@ class Peer(ClosesOnExit):
     def _told(self, client: Client) -> SimulatorStatus | None:
         if self._simulated is False:
             return None
-        told = told_by(client)
+        told = status_of_simulator(client)
         self._simulated = told is not None
         return told
 

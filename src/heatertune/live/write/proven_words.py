@@ -29,7 +29,7 @@ from heatertune.proof.verdict import PROOF_SCHEMA, Acceptance, Coverage, derived
 from heatertune.settings import Conditions
 
 __all__ = [
-    "LEAST_YES", "Check", "Declared", "ExpectedWords", "ProvenWords", "checks", "interval_found", "read_proven",
+    "LEAST_YES", "Check", "Declared", "ExpectedWords", "ProvenWords", "call_interval", "checks", "read_proven",
     "refusal_reason",
 ]
 
@@ -286,7 +286,7 @@ def _moves(looks: tuple[BlockSnapshot, BlockSnapshot]) -> Check:
     return Check(name, None, "nothing in the block moved in two scans: look whether it runs")
 
 
-def interval_found(standing: BlockImage, look: BlockSnapshot, said: Declared) -> tuple[float | None, str]:
+def call_interval(standing: BlockImage, look: BlockSnapshot, said: Declared) -> tuple[float | None, str]:
     """Return the interval at which a PLC calls the controller [s], None where nobody tells it, and who does."""
     found, by = said.called_every_s, "as said"
     if look.status is not None:
@@ -298,7 +298,7 @@ def interval_found(standing: BlockImage, look: BlockSnapshot, said: Declared) ->
 
 def _interval(proven: ExpectedWords, standing: BlockImage, look: BlockSnapshot, said: Declared) -> Check:
     own = proven.words.sample_time_s
-    found, by = interval_found(standing, look, said)
+    found, by = call_interval(standing, look, said)
     if found is None:
         return Check("TA", None, f"{own:g} s was proven; the block does not hold it", f"--called-every {own:g}")
     same = abs(found - own) <= _NEAR * own

@@ -28,8 +28,8 @@ from heatertune.proof.verdict import PROOF_SCHEMA
 from heatertune.proof.words_file import words_in, words_of
 
 __all__ = [
-    "Before", "became", "before_of", "inspect_write", "not_proven", "put_back_words", "record_outcome", "rolled_back",
-    "stands", "written_in",
+    "Before", "became", "before_of", "inspect_write", "not_proven", "put_back_words", "record_outcome",
+    "rolled_back", "stands", "write_records",
 ]
 
 
@@ -268,7 +268,7 @@ Step = Mapping[str, Any]
 _DRAWN: Final = 1500  # instants of a picture
 
 
-def written_in(paths: Sequence[str | Path], directory: str | Path) -> WriteHistory:
+def write_records(paths: Sequence[str | Path], directory: str | Path) -> WriteHistory:
     """Return what records tell of words that were written, held against the proof of a folder.
 
     Args:

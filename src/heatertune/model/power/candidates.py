@@ -24,14 +24,22 @@ from heatertune.model.power.fit_checks import unseen
 from heatertune.model.power.nonlinear import Bend
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
 from heatertune.model.power.regressors import AMBIENT, GAP, Readings
-from heatertune.model.power.uncertainty import ends_of, halves_of, held_at, held_by, intervals_by, told_apart
+from heatertune.model.power.uncertainty import (
+    distinct_candidates,
+    ends_of,
+    fit_at_value,
+    halves_of,
+    intervals_by,
+    parameters_with_ends,
+)
 from heatertune.model.statistics import RATIO, Interval, envelope, fit_pct, holds
 
 if TYPE_CHECKING:
     from heatertune.model.power.explanation import Explanation
 
 __all__ = [
-    "Rival", "candidates_of", "family_of", "lies_inside", "open_ends", "rivals_of", "second_is_seen", "widen_intervals",
+    "Rival", "candidates_of", "family_of", "lies_inside", "open_ends", "rivals_of", "second_is_seen",
+    "widen_intervals",
 ]
 
 
@@ -200,7 +208,7 @@ def _latest(problem: PowerProblem, best: PowerFit, most_s: float) -> PowerFit:
     limit = bic_of(problem, best) + _NEAR
     early_s, late_s, trial_s, latest = float(best.vector[1]), most_s, most_s, best
     for _ in range(_TRIALS):
-        there = held_at(problem, best, "dead_time_s", trial_s)
+        there = fit_at_value(problem, best, "dead_time_s", trial_s)
         if there.model is not None and bic_of(problem, there) < limit:
             early_s, latest = trial_s, there
         else:
@@ -253,10 +261,10 @@ def family_of(
     orders = list(_orders_plausible_heaters(explanation, candidates, ci95, wider, seed))
     ends: list[Candidate] = []
     for order in orders:
-        values, held = held_by(explanation.problems[order.place], explanation.fits[order.place])
+        values, held = parameters_with_ends(explanation.problems[order.place], explanation.fits[order.place])
         ends += ends_of(order.candidate, values, order.ci95, held, least_dead_time_s=least_dead_time_s)
     parts = () if halves is None else halves_of(explanation.log, halves, law=candidates[0].law)
-    return told_apart([*candidates, *ends, *parts], least_dead_time_s), tuple(
+    return distinct_candidates([*candidates, *ends, *parts], least_dead_time_s), tuple(
         open_ends([("two lags" if order.place else "one lag", order.ci95) for order in orders]))
 
 
@@ -296,7 +304,7 @@ class _CandidateTrial(NamedTuple):
     bic: float
     law: str
     left_out: HeldOut | None = None
-    is_kept: bool = False
+    has_machine_code: bool = False
 
 
 def second_is_seen(two: PowerFit) -> bool:
@@ -334,7 +342,7 @@ def candidates_of(
             rmse_degC=float(np.sqrt(np.mean((record - trial.simulated_degC) ** 2))), delta_bic=trial.bic - least,
             cross_rmse_degC=None if trial.left_out is None else trial.left_out.rmse_degC,
         )
-        for trial in tried if trial.is_kept or trial.bic - least < _NEAR
+        for trial in tried if trial.has_machine_code or trial.bic - least < _NEAR
     )
 
 

@@ -24,8 +24,8 @@ from heatertune.model.statistics import Interval, fit_pct, identified_parts, lju
 from heatertune.units import NOMENCLATURE
 
 __all__ = [
-    "check_fit", "correlation_of", "fit_of_half", "half_of", "halves", "held_out", "judgement_remarks", "plain_halves",
-    "predicts", "sides", "unseen",
+    "check_fit", "correlation_of", "fit_of_half", "half_of", "halves", "held_out", "judgement_remarks",
+    "plain_halves", "predicts", "sides", "unseen",
 ]
 
 
@@ -114,7 +114,7 @@ def fit_of_half(part: PowerProblem, whole: PowerFit) -> PowerFit:
         whole: fit of the log.
     """
     fit = part.refine(whole.vector[None, :])
-    held = part.refine_held(whole.vector, float(whole.linear[GAIN]))
+    held = part.refine_at_gain(whole.vector, float(whole.linear[GAIN]))
     return held if fit.model is None or part.squares(held) < _LESS * part.squares(fit) else fit
 
 

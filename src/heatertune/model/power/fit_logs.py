@@ -49,8 +49,8 @@ from heatertune.model.power.uncertainty import (
     AtEnd,
     bound_crossing,
     colour,
+    distinct_candidates,
     ends_of,
-    told_apart,
 )
 from heatertune.model.statistics import (
     RATIO,
@@ -71,7 +71,7 @@ from heatertune.units import NOMENCLATURE
 
 __all__ = [
     "DEAD", "FIRST_AMBIENT", "LAG", "POWER", "Disagreement", "JointFit", "JointProblem", "agreement_remarks",
-    "disagreements", "fit_logs", "joint_held_at", "joint_intervals", "two_scales_of_logs",
+    "disagreements", "fit_logs", "joint_fit_at", "joint_intervals", "two_scales_of_logs",
 ]
 
 
@@ -196,7 +196,7 @@ class JointProblem:
     def at(self, vector: Array) -> JointFit:
         """Return the fit at a shared vector (p,), its gain not per lag."""
         gain = math.exp(vector[POWER])
-        return JointFit(vector=vector, parts=tuple(part.fit_held(vector[LAG:], gain) for part in self.parts))
+        return JointFit(vector=vector, parts=tuple(part.fit_at_gain(vector[LAG:], gain) for part in self.parts))
 
     def on_bound(self, fit: JointFit) -> tuple[str, ...]:
         """Return the names of the lags and the dead time that ended on a bound of the search."""
@@ -334,7 +334,7 @@ def _profile(problem: JointProblem, best: Array, name: str, noise: Mapping[str, 
     return Interval(low=ends[0], high=ends[1])
 
 
-def joint_held_at(problem: JointProblem, fit: JointFit, name: str, value: float) -> JointFit:
+def joint_fit_at(problem: JointProblem, fit: JointFit, name: str, value: float) -> JointFit:
     """Return one heater for all logs with one number held: dead time [s], or gain per time constant."""
     thin = problem.average(READINGS)
     vector = _held(thin, thin.refine(fit.vector[None, :]).vector, name, np.array([value])).parameters[0].copy()
@@ -470,7 +470,8 @@ def fit_logs(logs: Sequence[Explanation], *, open_start: bool, seed: int, least_
     assert lag is not None
     candidates = (*_candidates(best, rivals, _others(best, logs, open_lag=lag.high is None), logs),
                   *(_own(log) for log in logs if apart), *(end for log in logs for end in _bent(log)))
-    family = told_apart([*candidates, *_ends(best, logs, candidates[0], as_read, least_dead_time_s)], least_dead_time_s)
+    ends = _ends(best, logs, candidates[0], as_read, least_dead_time_s)
+    family = distinct_candidates([*candidates, *ends], least_dead_time_s)
     open_ = open_ends([("one lag", {**ci95})])
     ratio = ci95.pop(RATIO)
     assert ratio is not None
@@ -648,7 +649,7 @@ def _ends(
     cleaned = [log.clean_temperature for log in logs]
 
     def held(name: str, value: float) -> AtEnd | None:
-        at = best._replace(fit=joint_held_at(best.problem, best.fit, name, value))
+        at = best._replace(fit=joint_fit_at(best.problem, best.fit, name, value))
         model = at.fit.parts[0].model
         if model is None:
             return None

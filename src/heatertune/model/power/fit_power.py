@@ -63,9 +63,9 @@ from heatertune.model.power.uncertainty import (
     READINGS,
     ParameterNoise,
     bounds_of,
-    held_squares,
     intervals_by,
     noise_of,
+    squares_at,
     value_of,
 )
 from heatertune.model.reduction import ultimate_period_s
@@ -73,10 +73,9 @@ from heatertune.model.statistics import PERIOD, RATIO, Interval, autocorrelation
 from heatertune.units import NOMENCLATURE
 
 __all__ = [
-    "Contributions", "contributions_of", "fit_extended", "fit_power",
-    "halves_notes", "interval_widening", "limit_notes",
-    "log_notes", "longest_hold_s", "notes_of", "outcome_of", "rival_notes", "said_by_halves", "share_remarks",
-    "values_at_ends", "values_of", "weigh_fit", "widening_notes",
+    "Contributions", "contributions_of", "fit_extended", "fit_power", "halves_notes", "interval_widening",
+    "limit_notes", "log_notes", "longest_hold_s", "notes_of", "outcome_of", "rival_notes", "said_by_halves",
+    "share_remarks", "values_at_ends", "values_of", "weigh_fit", "widening_notes",
 ]
 
 
@@ -482,7 +481,7 @@ def _surprises(
     for name in (set(values) & set(noise.deviation)) - noise.unseen:
         scale, deviation = noise.inflation[name] * noise.variance, noise.deviation[name]
         if scale > 0.0:
-            its, own = held_squares(part, fit, name, np.array([values[name], value_of(fit, name)])).tolist()
+            its, own = squares_at(part, fit, name, np.array([values[name], value_of(fit, name)])).tolist()
             apart = (its - min(own, its) if name == PERIOD else its - least) / scale  # that search is a coarse one
             if not np.isfinite(apart):  # no model of the half has that value
                 apart = ((values[name] - value_of(fit, name)) / deviation) ** 2

@@ -34,7 +34,7 @@ from heatertune.model.power.open_loop import PowerFit, PowerProblem
 from heatertune.model.power.regressors import AMBIENT, GAIN, Readings
 from heatertune.model.statistics import Interval, ar1_bic, sensor_step, student_t
 
-__all__ = ["LossEnd", "LossFit", "fit_loss_curves", "held_levels", "leaves_noise"]
+__all__ = ["LossEnd", "LossFit", "fit_loss_curves", "leaves_noise", "steady_levels"]
 
 #: ln gain, room, first temperature, that of the mass above it, ln lag, dead time, ln sensor's lag, shape
 _GAIN, _ROOM, _START, _INNER, _LAG, _DEAD, _SENSOR, _SHAPE = range(8)
@@ -140,7 +140,7 @@ class LossFit:
                 f"power of {self.shape:.3f} ({low:.3f}…{high:.3f}); {power}.")
 
 
-def held_levels(problem: PowerProblem, time_constant_s: float) -> tuple[float, ...]:
+def steady_levels(problem: PowerProblem, time_constant_s: float) -> tuple[float, ...]:
     """Return the temperatures that the log reaches with powers above 0 held long enough, apart from each other [°C]."""
     readings = problem.readings
     time, temperature = readings.time_s, readings.temperature_degC
@@ -166,7 +166,7 @@ def fit_loss_curves(problems: Sequence[PowerProblem], fits: Sequence[PowerFit], 
         fits: their best fits.
         better_than: BIC of the best heater of any other kind.
     """
-    levels = held_levels(problems[0], _shortest_hold(problems[0]))
+    levels = steady_levels(problems[0], _shortest_hold(problems[0]))
     if len(levels) < 2 or len(problems[0].readings.restart_s) or problems[0].drift or fits[0].model is None:
         return []
     if fits[0].linear[GAIN] <= 0.0:

@@ -526,7 +526,7 @@ class PowerProblem:
         z = self.minimum(starts, records, iterations=60, tolerance=1e-9)
         return self.at(_best(z, self.cost(z, records), 1)[0])
 
-    def refine_held(self, vector: Array, gain: float) -> PowerFit:
+    def refine_at_gain(self, vector: Array, gain: float) -> PowerFit:
         """Return the best fit of a given gain [°C/%] that lags and dead time (3,) lead to."""
         fixed, records = self.nothing_more(1), self.readings.temperature_degC[None, :]
         fixed.values[0, GAIN] = gain
@@ -539,7 +539,7 @@ class PowerProblem:
         z = self.minimum(starts, records, fixed_index=0, iterations=30)
         return self.at(z[np.argmin(self.cost(z, records))])
 
-    def fit_held(self, vector: Array, gain: float) -> PowerFit:
+    def fit_at_gain(self, vector: Array, gain: float) -> PowerFit:
         """Return the fit with lags and dead time (3,) and gain [°C/%] given, whatever this log's own bounds."""
         fixed = self.nothing_more(1)
         fixed.values[0, GAIN] = gain

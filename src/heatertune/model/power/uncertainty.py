@@ -43,8 +43,8 @@ from heatertune.model.statistics import (
 
 __all__ = [
     "LEAST_FREEDOM", "READINGS", "STEPS", "AtEnd", "ParameterNoise", "bound_crossing", "bounds_of", "colour",
-    "ends_of", "fits_of_period", "halves_of", "held_at", "held_by", "held_squares", "intervals", "intervals_by",
-    "noise_of", "periods_of", "reaches", "sensitivities", "told_apart", "value_of",
+    "distinct_candidates", "ends_of", "fit_at_value", "fits_of_period", "halves_of", "intervals", "intervals_by",
+    "noise_of", "parameters_with_ends", "periods_of", "reaches", "sensitivities", "squares_at", "value_of",
 ]
 
 
@@ -312,7 +312,7 @@ def _profile(problem: PowerProblem, fit: PowerFit, name: str, noise: ParameterNo
         values = np.clip(best + side * times * noise.deviation[name] * STEPS, low, high)
         rise = np.zeros(1)
         for part in np.split(values, [_NEAR_STEPS]):  # most profiles pass the limit within the first
-            rise = np.append(rise, np.maximum(held_squares(problem, fit, name, part) - least, 0.0))
+            rise = np.append(rise, np.maximum(squares_at(problem, fit, name, part) - least, 0.0))
             if not (rise < limit).all():
                 break
         ends.append(bound_crossing(np.array([best, *values])[: len(rise)], rise, limit))
@@ -350,14 +350,14 @@ def _slopes_of_period(vector: Array) -> dict[str, float]:
     return {name: (other - base) / length for name, other, length in zip(steps, others, lengths, strict=True)}
 
 
-def held_at(problem: PowerProblem, fit: PowerFit, name: str, value: float) -> PowerFit:
+def fit_at_value(problem: PowerProblem, fit: PowerFit, name: str, value: float) -> PowerFit:
     """Return the fit with one number held: "dead_time_s" [s], gain per time constant or the ultimate period."""
     vectors, fixed, _ = _held(problem, fit, name, np.array([value]))
     return problem.at(vectors[0], fixed)
 
 
-def held_squares(problem: PowerProblem, fit: PowerFit, name: str, values: Array) -> Array:
-    """Return the least sum of squares with the named number, see `held_at`, held at each value; both shape (n,)."""
+def squares_at(problem: PowerProblem, fit: PowerFit, name: str, values: Array) -> Array:
+    """Return the least sum of squares with the number, see `fit_at_value`, held at each value; both shape (n,)."""
     return _held(problem, fit, name, values)[-1]
 
 
@@ -455,14 +455,14 @@ def _nearest(fit_with_fixed: FitWithHeld, name: str, best: float, end: float) ->
     return at
 
 
-def held_by(problem: PowerProblem, fit: PowerFit) -> tuple[Mapping[str, float], FitWithHeld]:
+def parameters_with_ends(problem: PowerProblem, fit: PowerFit) -> tuple[Mapping[str, float], FitWithHeld]:
     """Return the parameters of a fit to one log that have ends, and a function that fixes one of them."""
     thin = problem.average(READINGS)
     best = thin.refine(fit.vector[None, :])
     record, least = thin.readings.temperature_degC, bic_of(thin, best)
 
     def held(name: str, value: float) -> AtEnd | None:
-        at = held_at(thin, best, name, value)
+        at = fit_at_value(thin, best, name, value)
         if at.model is None:
             return None
         left = record - at.simulated_degC
@@ -503,7 +503,7 @@ def halves_of(log: Log, halves: tuple[Half, Half], *, law: str) -> Iterator[Cand
         )
 
 
-def told_apart(candidates: Sequence[Candidate], least_dead_time_s: float) -> tuple[Candidate, ...]:
+def distinct_candidates(candidates: Sequence[Candidate], least_dead_time_s: float) -> tuple[Candidate, ...]:
     """Return the candidates without the ends that differ from another one by less than 3 % in every number."""
     kept = [candidate for candidate in candidates if not candidate.part]
     for candidate in candidates:

@@ -26,8 +26,8 @@ from heatertune.pid.specs import Specs
 from heatertune.units import whole
 
 __all__ = [
-    "ROBUST", "BrokenLimit", "Open", "RobustDesign", "SampledMs", "draw_heaters", "drawn_of", "interval_ends",
-    "ms_over", "peaks_on", "robust_design", "spreads_of",
+    "ROBUST", "BrokenLimit", "Open", "RobustDesign", "SampledMs", "draw_heaters", "interval_ends", "ms_over",
+    "ms_quantiles", "peaks_on", "robust_design", "spreads_of",
 ]
 
 
@@ -127,11 +127,11 @@ def ms_over(heaters: tuple[HeaterModel, ...], design: PidDesign) -> SampledMs | 
     if not heaters:
         return None
     if design.sample_time_s == 0.0:
-        return drawn_of([peaks_on(heater, design)["ms"] for heater in heaters])
-    return drawn_of([sensitivity_peaks(heater, design)[0] for heater in heaters])
+        return ms_quantiles([peaks_on(heater, design)["ms"] for heater in heaters])
+    return ms_quantiles([sensitivity_peaks(heater, design)[0] for heater in heaters])
 
 
-def drawn_of(values: Sequence[float]) -> SampledMs:
+def ms_quantiles(values: Sequence[float]) -> SampledMs:
     """Return the quantiles of Ms of one controller, given its value on each heater; at least one."""
     rising = sorted(values)
     last = len(rising) - 1
@@ -215,7 +215,7 @@ class Open:
 
     def ms(self, design: PidDesign) -> SampledMs:
         """Return the quantiles of Ms over both sets."""
-        return drawn_of([peaks_on(heater, design)["ms"] for heater in (*self.tuned_on, *self.checked_on)])
+        return ms_quantiles([peaks_on(heater, design)["ms"] for heater in (*self.tuned_on, *self.checked_on)])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,7 +15,7 @@ from heatertune.compiled import bound, compile_function, worth_a_second
 from heatertune.plc.core import as_it_is, started_as_it_is
 from heatertune.plc.pwm import INSTANT_S, Actuator
 from heatertune.plc.single_precision import to_single
-from heatertune.proof.kernel import LoopBatch, SetpointProgram, asked_now
+from heatertune.proof.kernel import LoopBatch, SetpointProgram, setpoint_word_now
 from heatertune.proof.lanes import passes as one
 from heatertune.proof.lanes import two_lags as two
 from heatertune.proof.lanes.passes import LANES, ROWS, constant_function, ring_for, rows_of, run_scan
@@ -132,7 +132,7 @@ def _made(controller: LoopController, *, two_lags: bool) -> tuple[Callable[..., 
     law = rows_of((_held(controller, controller.state), asked if core.singles else asked.item()), ROWS)
     scan = bound(run_scan, step=core.step, measure=core.measure, law_loaded=law.loaded, law_stored=law.stored,
                  lane_parameters=constant_function(_held(controller, controller.parameters)),
-                 asked_now=bound(asked_now, setpoint_word=core.store_setpoint))
+                 setpoint_word_now=bound(setpoint_word_now, setpoint_word=core.store_setpoint))
     again = bound(started_up, law_loaded=law.loaded, law_stored=law.stored, warm_state=core.warm_start)
     loops = bound(group, run_scan=scan, quickly=two.quickly if two_lags else one.quickly, law_stored=law.stored,
                   started_up=again)

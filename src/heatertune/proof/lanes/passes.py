@@ -23,15 +23,15 @@ import numpy as np
 from heatertune.compiled.loader import functions_from_text
 from heatertune.compiled.plain_functions import lane_parameters, law_loaded, law_stored, measure, step
 from heatertune.plc.pwm import Switches, on_time
-from heatertune.proof.kernel import HEAT, SetpointProgram, apply_event, asked_now, moves
+from heatertune.proof.kernel import HEAT, SetpointProgram, apply_event, moves, setpoint_word_now
 from heatertune.proof.meter import (
     PhaseStats,
     Places,
     SteadyStateStats,
     faults,
     in_period,
+    phase_after_stretch,
     rested_from,
-    seen_from,
     settling_time,
     through,
 )
@@ -555,7 +555,7 @@ def _along(rows: Places, phase_limits: PhaseLimits, limits: tuple[int, int]) -> 
 
 def _seen(rows: Places, lane: int, limits: PhaseLimits, crosses: bool, settles: bool) -> None:
     stretch, point = loaded_stretch(rows, lane), loaded_point(rows, lane)
-    stored_seen(rows, lane, seen_from(
+    stored_seen(rows, lane, phase_after_stretch(
         loaded_seen(rows, lane), limits.setpoint, limits.band, 0.0, plant_of(loaded_line(rows, lane)),
         flow_of(stretch, stretch.now, stretch.y), flow_of(stretch, point.now, point.y), crosses, settles))
 
@@ -618,7 +618,7 @@ def run_scan(
     for lane in range(lanes_of(rows)):
         state, word = law_loaded(rows, lane)
         reading = measure(sensor, loaded_point(rows, lane).y + loaded_counts(rows, lane).noise)
-        word = asked_now(program, target, calls == 0, due, word, reading)
+        word = setpoint_word_now(program, target, calls == 0, due, word, reading)
         state, power, _, flags = step(parameters, state, word, reading, cycle_start)
         law_stored(rows, lane, (state, word))
         u = loaded_under(rows, lane)

@@ -46,9 +46,9 @@ from heatertune.proof.meter import (
     Places,
     absolute_by,
     integral,
+    phase_after_known,
+    phase_after_stretch,
     rested_from,
-    seen_from,
-    seen_with,
     settling_time,
     through,
 )
@@ -212,7 +212,7 @@ def _measured(rows: Places, limits: PhaseLimits) -> None:
 
 
 def _seen(rows: Places, lane: int, limits: PhaseLimits, crosses: bool) -> None:
-    stored_seen(rows, lane, seen_from(
+    stored_seen(rows, lane, phase_after_stretch(
         loaded_seen(rows, lane), limits.setpoint, limits.band, 0.0, _plant(rows, lane), _before(rows, lane),
         _after(rows, lane), crosses, crosses))
 
@@ -242,7 +242,7 @@ def _split(rows: Places, lane: int, setpoint: float, band: float) -> None:
     before, after = _before(rows, lane), _after(rows, lane)
     there = Flow(s.now, s.y, s.x, before.target, before.heat, before.load, before.mains)
     split, whole = absolute_by(setpoint, plant, before, there, after), abs(integral(setpoint, plant, before, after))
-    stored_seen(rows, lane, seen_with(
+    stored_seen(rows, lane, phase_after_known(
         seen, setpoint, band, 0.0, after.y, seen.settled, split if through(setpoint, before, after) else whole))
 
 

@@ -27,8 +27,8 @@ from heatertune.units import written
 
 __all__ = [
     "COARSE", "DEAR", "OF_WINDUP", "DesignChange", "Pwm", "broken", "calmest_pwm", "change_sentence", "costs",
-    "default_changes", "design_changes", "gains_told", "more_iae", "output_limits", "shorter_intervals", "unwinds",
-    "wider_windows",
+    "default_changes", "design_changes", "gain_factors_text", "more_iae", "output_limits", "shorter_intervals",
+    "unwinds", "wider_windows",
 ]
 
 
@@ -44,7 +44,7 @@ _BRIEFLY: Final = {"reheat": "reheat overshoot after a short open circuit",
 _UNDER_LOAD: Final = frozenset({LOADED, WINDOW})
 
 
-def gains_told(first: PidDesign, design: PidDesign) -> str:
+def gain_factors_text(first: PidDesign, design: PidDesign) -> str:
     """Return by what factors gains were changed, empty where they were not."""
     factors = [design.gain_pct_per_degC / first.gain_pct_per_degC, design.integral_time_s / first.integral_time_s]
     return " and ".join(f"{name} times {factor:.{3 if abs(factor - 1.0) < _NEAR else 2}g}"

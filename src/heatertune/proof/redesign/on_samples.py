@@ -14,11 +14,11 @@ from heatertune.proof.design_request import DesignRequest, DesignResult
 from heatertune.proof.monte_carlo.draw import SampleProof
 from heatertune.proof.monte_carlo.run import drawing_for, with_samples
 from heatertune.proof.prove_words import every_setpoint, prove
-from heatertune.proof.redesign.design_changes import costs, gains_told
+from heatertune.proof.redesign.design_changes import costs, gain_factors_text
 from heatertune.proof.redesign.redesign_search import closed_on_runs
-from heatertune.proof.redesign.suggestion import known_as, passes_told
-from heatertune.proof.repetition import made_again
-from heatertune.proof.verdict import NOTHING_PASSES, samples_told, verdict_of_samples
+from heatertune.proof.redesign.suggestion import known_as, pass_sentences
+from heatertune.proof.repetition import repeat_words
+from heatertune.proof.verdict import NOTHING_PASSES, samples_text, verdict_of_samples
 from heatertune.settings import SampleSettings
 from heatertune.units import count
 
@@ -114,7 +114,7 @@ def _proven_on(fitted: FittedModel, request: DesignRequest, wider: DesignResult)
     setpoint = request.conditions.setpoint_degC
     conditions, recipe = replace(wider.conditions, setpoint_degC=setpoint), replace(
         wider.recipe, conditions=replace(wider.recipe.conditions, setpoint_degC=setpoint))
-    choice = made_again(wider.ideal, fitted, recipe)
+    choice = repeat_words(wider.ideal, fitted, recipe)
     proof = prove(choice.words, fitted, conditions)
     changes = [remark for remark in wider.proof.diagnostics.remarks if remark.startswith("with ")]
     heard = replace(proof.diagnostics, remarks=(*proof.diagnostics.remarks, *changes))
@@ -134,7 +134,7 @@ def _with_way_on(first: DesignResult, fitted: FittedModel, request: DesignReques
         progress(f"too few samples keep every limit: trying {' '.join(options)}")
         other = closed_on_samples(fitted, known, ways_on=False, progress=progress)
         if other.proof.verdict == "PASS":
-            return replace(_remarked(first, passes_told(options)), passes_with=options)
+            return replace(_remarked(first, pass_sentences(options)), passes_with=options)
     return first
 
 
@@ -162,9 +162,9 @@ def _hopeless(result: DesignResult) -> bool:
 
 def _changed(first: DesignResult, result: DesignResult, more: int) -> DesignResult:
     """Return a design that was made for more heaters; it says so, and what that costs."""
-    before, now = (samples_told(_drawn(each).to_document()) for each in (first, result))
+    before, now = (samples_text(_drawn(each).to_document()) for each in (first, result))
     what = f"designed for {more} of them as well"
-    if result.proof.design and first.proof.design and (gains := gains_told(first.ideal, result.ideal)):
+    if result.proof.design and first.proof.design and (gains := gain_factors_text(first.ideal, result.ideal)):
         what = f"with {gains}, {what}"
     note = f"As requested, {before}; {what}, of as many new ones, {now}; {costs(first, result)}."
     return replace(_remarked(result, what.replace("them", "the drawn heaters")), notes=(note, *result.notes))

@@ -28,7 +28,7 @@ from heatertune.processors import ProgressCallback
 from heatertune.proof import Proof
 from heatertune.proof.design_request import Candidate, DesignRequest, DesignResult, plainly
 from heatertune.proof.long_outage import briefly, sums_up, winds_up
-from heatertune.proof.nearest_specification import settings_told
+from heatertune.proof.nearest_specification import setting_sentences
 from heatertune.proof.prove_words import every_setpoint, tune_settings_for
 from heatertune.proof.redesign.design_changes import (
     DEAR,
@@ -38,14 +38,14 @@ from heatertune.proof.redesign.design_changes import (
     change_sentence,
     default_changes,
     design_changes,
-    gains_told,
+    gain_factors_text,
     more_iae,
     output_limits,
     shorter_intervals,
     unwinds,
 )
-from heatertune.proof.redesign.suggestion import Suggestion, passing_told
-from heatertune.proof.runs import MOST_SCANS, SearchBudget, judged_once
+from heatertune.proof.redesign.suggestion import Suggestion, pass_sentence
+from heatertune.proof.runs import MOST_SCANS, SearchBudget, judge_once
 from heatertune.proof.setpoint_ramp import BY_RAMP, boosts, slow_ramps
 from heatertune.proof.text_comparison import as_exported
 from heatertune.proof.worst_runs import NOTICEABLE, RunScreen, WorstRuns
@@ -199,7 +199,7 @@ def find_passing_design(fitted: FittedModel, request: DesignRequest, *, progress
     return replace(found, proof=as_exported(found.proof))
 
 
-@judged_once()
+@judge_once()
 def closed_on_runs(
     fitted: FittedModel, request: DesignRequest, *, ways_on: bool = True, freeing: bool = True,
     verdict_only: bool = False, progress: ProgressCallback = str, stage: ProgressCallback = str,
@@ -607,7 +607,7 @@ class RedesignSearch:
         yield from self.way_on.untried
         if mended.passes_with:
             return
-        hanging = settings_told(self.first.proof, "the optimum")
+        hanging = setting_sentences(self.first.proof, "the optimum")
         yield from hanging
         if not hanging and more_iae(self.first, mended) > DEAR and (told := self._cheaper_setting(mended)):
             yield f"It {told}."
@@ -620,7 +620,7 @@ class RedesignSearch:
             for found in filter(None, (self.first, wound)):
                 known = self.way_on.with_settings(found)
                 if known is not None and more(known[0]) <= _CHEAPER * more(mended):
-                    return passing_told(*known)
+                    return pass_sentence(*known)
         return ""
 
     def within(self, frame: DesignChange) -> DesignResult | None:
@@ -676,7 +676,7 @@ class RedesignSearch:
             self.watch_failed_runs(tried.proof)
             return None
         held = "" if (hold := tried.proof.hold_degC) is None else f"a holdback of {hold:.3g} °C"
-        gains = gains_told(self.first.ideal, trial[0]) if tried.proof.design else ""
+        gains = gain_factors_text(self.first.ideal, trial[0]) if tried.proof.design else ""
         what = " and ".join(filter(None, (gains, self.summary(frame), held))) + ("" if boost is None else f" ({boost})")
         heard = tried.proof.diagnostics
         proof = replace(tried.proof, diagnostics=replace(heard, remarks=(*heard.remarks, f"with {what}")))

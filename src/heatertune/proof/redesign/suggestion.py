@@ -22,7 +22,7 @@ from heatertune.proof.heaters import ROOM_DEGC
 from heatertune.proof.long_outage import OF_RANGE, briefly, unmended, winds_up, wound
 from heatertune.proof.nearest_specification import (
     both_that_pass,
-    broken_told,
+    broken_limits_text,
     limits_above,
     loosen_conditions,
     options_of,
@@ -41,7 +41,7 @@ from heatertune.proof.verdict import BREAKS_NONE, NOTHING_PASSES
 from heatertune.proof.worst_runs import RunScreen
 from heatertune.settings import TuneSettings
 
-__all__ = ["Suggestion", "free_request", "known_as", "passes_told", "passing_told"]
+__all__ = ["Suggestion", "free_request", "known_as", "pass_sentence", "pass_sentences"]
 
 #: shares of the rise above ambient of lower setpoints that may be suggested
 _LOWER: Final = (0.95, 0.9, 0.8)
@@ -88,14 +88,14 @@ def free_request(request: DesignRequest) -> tuple[tuple[str, ...], DesignRequest
         request, tune_settings=tuned, boost=boost, setpoint_ramp=ramp, interval_by_words=False)
 
 
-def passes_told(options: Sequence[str], changes: str = "") -> str:
+def pass_sentences(options: Sequence[str], changes: str = "") -> str:
     """Return what is told of options of known settings, and of `changes`, with which a design would pass."""
     return f"would pass with {' '.join(options)}{changes}: find out what this controller does"
 
 
-def passing_told(result: DesignResult, options: Sequence[str]) -> str:
+def pass_sentence(result: DesignResult, options: Sequence[str]) -> str:
     """Return what is told of a design that passes with options of known settings."""
-    return passes_told(options, f", {result.proof.diagnostics.remarks[-1]}" if result.notes else "")
+    return pass_sentences(options, f", {result.proof.diagnostics.remarks[-1]}" if result.notes else "")
 
 
 @dataclass(slots=True, kw_only=True)
@@ -152,7 +152,7 @@ class Suggestion:
                 options = self.unproven
                 would = f"{BREAKS_NONE} {' '.join(options)}"
             told = "; ".join(filter(None, (would, wider_limits_text(options), why, ended)))
-        note = f"The requested optimum fails: {broken_told(proof.criteria)}; {told}."
+        note = f"The requested optimum fails: {broken_limits_text(proof.criteria)}; {told}."
         return replace(first, proof=proof.led_by(told), notes=(*first.notes, note, *self.untried),
                        passes_with=options, recipe=replace(first.recipe, way_on=told))
 
@@ -215,7 +215,7 @@ class Suggestion:
         """
         if (known := self.with_settings(result or self.first)) is None:
             return "", ()
-        return passing_told(*known), known[1]
+        return pass_sentence(*known), known[1]
 
     def with_settings(self, result: DesignResult) -> tuple[DesignResult, tuple[str, ...]] | None:
         """Return the design that passes where one setting of an open point is known, and its options; None: none does.

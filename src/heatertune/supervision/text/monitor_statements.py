@@ -14,7 +14,7 @@ from heatertune.errors import InputError
 from heatertune.plc.print.statements import Group, if_
 from heatertune.supervision.monitor import ALARMS, Numbers
 
-__all__ = ["INPUTS", "MARGIN", "OUTPUTS", "WIDE", "Statements", "alarms_told", "check_reach", "statements_of"]
+__all__ = ["INPUTS", "MARGIN", "OUTPUTS", "WIDE", "Statements", "alarm_text", "check_reach", "statements_of"]
 
 
 #: what the monitor is given, what it gives
@@ -67,7 +67,7 @@ def statements_of(numbers: Numbers) -> Statements:
     return Statements(numbers.block, each_call, each_block, used | rows)
 
 
-def alarms_told() -> str:
+def alarm_text() -> str:
     """Return what each alarm is called, in one line."""
     return ", ".join(f"{number} {name}" for number, name in enumerate(ALARMS) if number)
 

@@ -11,7 +11,7 @@ from heatertune.plc.print.statements import Set
 from heatertune.plc.print.stl import S5Printer
 from heatertune.plc.s5_ob251.blocks import WORK
 from heatertune.plc.s5_ob251.step import FULL_SCALE
-from heatertune.supervision.text.monitor_statements import INPUTS, OUTPUTS, WIDE, Statements, alarms_told
+from heatertune.supervision.text.monitor_statements import INPUTS, OUTPUTS, WIDE, Statements, alarm_text
 
 __all__ = ["FILE", "S5Text", "written"]
 
@@ -104,7 +104,7 @@ def _by_hand(at: Mapping[str, int]) -> list[str]:
         f"3. Contactor in series with the heater's switch: on while DW {at['TOLD']} of DB{_DB} is 0.",
         f"4. Acknowledge an alarm: write 0 to DW {at['TOLD']} of DB{_DB}.",
         f"DB{_DB} and FB{_CALL} to FB{_ANEW} must be free; FB242 (MUL:16) is integral, and uses flags from 200 on.",
-        f"alarms: {alarms_told()}",
+        f"alarms: {alarm_text()}",
     ]
 
 

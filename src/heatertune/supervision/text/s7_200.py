@@ -13,7 +13,7 @@ from heatertune.plc.cpu.s7_200.cpu import carry_out
 from heatertune.plc.cpu.s7_200.memory import V_BEGIN, V_END, WHOLE, bit, cell, put_word, word
 from heatertune.plc.cpu.statement_translation import in_ascii
 from heatertune.plc.print.stl import ALWAYS, networks
-from heatertune.supervision.text.monitor_statements import INPUTS, OUTPUTS, WIDE, Statements, alarms_told
+from heatertune.supervision.text.monitor_statements import INPUTS, OUTPUTS, WIDE, Statements, alarm_text
 
 __all__ = ["FILE", "S7200Text", "reading_of", "written"]
 
@@ -85,7 +85,7 @@ def _by_hand(statements: Statements, at: Mapping[str, str]) -> Iterator[str]:
     yield f"3. contactor in series with the heater's switch: on while {at['TOLD']} is 0"
     yield f"4. acknowledge an alarm: MOVW +0, {at['TOLD']}"
     yield f"SBR1, SBR2 and V memory from VB{_FIRST} on must be free; AC0 and AC1 are written"
-    yield f"alarms: {alarms_told()}"
+    yield f"alarms: {alarm_text()}"
 
 
 def _calls(statements: Statements, at: Mapping[str, str]) -> list[Network]:

@@ -11,7 +11,7 @@ from heatertune.plc.cpu.s7_300.machine import FULL_SCALE, S7300Cpu
 from heatertune.plc.print.statements import Set
 from heatertune.plc.print.stl import S7300Printer
 from heatertune.plc.single_precision import word_of
-from heatertune.supervision.text.monitor_statements import INPUTS, OUTPUTS, WIDE, Statements, alarms_told
+from heatertune.supervision.text.monitor_statements import INPUTS, OUTPUTS, WIDE, Statements, alarm_text
 
 __all__ = ["FILE", "S7300Text", "written"]
 
@@ -77,7 +77,7 @@ def _by_hand() -> list[str]:
         f"  2. FC 101: write L#0 to {at}.BEGUN, so that it begins anew where the heater begins anew",
         f"  3. wire a contactor in series with the heater's switch: on while {at}.TOLD is L#0",
         f"  4. acknowledge an alarm: write L#0 to {at}.TOLD",
-        f"FB {_NUMBER} and DB {_NUMBER} must be free. Alarms: {alarms_told()}",
+        f"FB {_NUMBER} and DB {_NUMBER} must be free. Alarms: {alarm_text()}",
     ]
 
 

@@ -9,7 +9,7 @@ from heatertune.plc.cpu.iec.st_syntax import units
 from heatertune.plc.print.statements import Group
 from heatertune.plc.single_precision import single
 from heatertune.plc.st.program_text import BlockSource, comment, function_block, literal
-from heatertune.supervision.text.monitor_statements import INPUTS, OUTPUTS, Statements, alarms_told
+from heatertune.supervision.text.monitor_statements import INPUTS, OUTPUTS, Statements, alarm_text
 
 __all__ = ["FILE", "StructuredText", "written"]
 
@@ -67,7 +67,7 @@ def _by_hand() -> list[str]:
         "     IF HeaterDue OR NOT HeaterOn THEN Monitor(Runs := HeaterOn, Acknowledge := your button,",
         "     Temperature := HeaterTemperature, Output := HeaterPower); END_IF;",
         "  2. wire a contactor in series with the heater's switch: on while Monitor.Told = 0",
-        f"Alarms: {alarms_told()}",
+        f"Alarms: {alarm_text()}",
     ]
 
 

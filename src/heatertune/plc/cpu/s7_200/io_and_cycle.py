@@ -34,7 +34,7 @@ from heatertune.plc.cpu.s7_200.memory import (
 from heatertune.plc.cpu.statement_translation import in_ascii
 from heatertune.plc.open_points import OpenPoint
 from heatertune.plc.ramp import Number
-from heatertune.plc.words import Certificate, Scaling, WordField, Words, kept_by
+from heatertune.plc.words import Certificate, Scaling, WordField, Words, timer_interval_s
 
 __all__ = [
     "COLD", "COUNTS", "MOST", "SWITCH", "TICK_FIELDS", "TIMER", "WIDTH_APPLIES", "S7200State", "TimedProgram",
@@ -90,7 +90,7 @@ def cycle_s(values: Mapping[str, Number]) -> float:
 
 def whole_cycle(ta: float) -> int:
     """Return the PWM cycle [ms] of a sampling interval [s]; raise NotRepresentable for one that no cycle can have."""
-    return round(1000.0 * kept_by(TIMER, ta))
+    return round(1000.0 * timer_interval_s(TIMER, ta))
 
 
 class TimedProgram(NamedTuple):
