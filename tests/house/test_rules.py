@@ -110,7 +110,7 @@ def test_an_extra_imports_the_core_and_the_extras_before_it(extra):
 
 def test_the_studios_logic_knows_no_browser():
     knowing = {path.stem for path in (SOURCE / "studio").glob("*.py") if "from nicegui" in path.read_text(encoding="utf-8")}
-    assert knowing == {"browser_page", "controls", "server", "sheet_card"}
+    assert knowing == {"browser_page", "controls", "server", "sheet_card", "zones_card"}
 
 
 def _dotted(path):

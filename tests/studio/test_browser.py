@@ -15,8 +15,10 @@ from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 
+import numpy as np
 import pytest
 from tests.studio.conftest import MALFORMED
+from tests.zones.networks import chain, logged, steps
 
 from heatertune import virtual_plc
 from heatertune.plc import TARGETS
@@ -389,3 +391,30 @@ def test_every_word_of_every_controller_stands_whole_in_its_cell(browser, heater
             page.set_viewport_size({"width": width, "height": 900})
             assert page.evaluate(CUT) == [], width
             assert page.evaluate("document.documentElement.scrollWidth") <= width
+
+
+@pytest.mark.long(seconds=90)
+def test_a_log_of_two_zones_becomes_one_page_with_both(page):
+    network, random = chain(2, 1.0), np.random.default_rng(1)
+    time, readings, powers = logged(network, steps(2, 3600, 15.0, 60.0), 1.0, 4, random, 0.03)
+    rows = [f"{t:g},{a:.2f},{b:.2f},{p:g},{q:g}" for t, (a, b), (p, q) in zip(time, readings, powers, strict=True)]
+    heads = "time [s],front temperature [°C],back temperature [°C],front power [%],back power [%]"
+    drop(page, "ovens.csv", "\n".join([heads, *rows]).encode())
+    demand_accessible(page)
+    assert page.get_by_label("Names of the zones").input_value() == "front, back"
+    page.get_by_label("Setpoints, in °C").fill("60; 55")
+    page.get_by_role("button", name="Design all zones").click()
+    page.get_by_text("error: setpoints 60; 55: expected numbers with commas between them, such as 180,190").wait_for()
+    page.get_by_label("Setpoints, in °C").fill("60, 55")
+    page.get_by_role("button", name="Design all zones").click()
+    page.locator("[data-field=zones-verdict]", has_text="PASS: 2 zones together at 60, 55 °C").wait_for(timeout=120_000)
+    demand_whole(page)
+    demand_accessible(page)
+    page.emulate_media(color_scheme="dark")
+    page.locator("body.body--dark").wait_for()
+    demand_accessible(page)
+    with page.expect_download() as told:
+        page.get_by_role("button", name="Download programs (zip)").click()
+    assert {"record.html", "data/zones.json", "program_listing.txt"} <= set(zipfile.ZipFile(told.value.path()).namelist())
+    page.get_by_role("region", name="Zones: heaters that belong together").get_by_role("button", name="Put it away").click()
+    page.get_by_role("heading", name="Zones: heaters that belong together").wait_for(state="hidden")

@@ -12,11 +12,13 @@ import logging
 import time
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from typing import Any, Final, Protocol
 
 from heatertune.chain.documents import words_document
 from heatertune.chain.pipeline import dossier
 from heatertune.codec import DATA, decode, encode, plain, to_json
+from heatertune.compiled import decide
 from heatertune.errors import HeatertuneError
 from heatertune.log.log_values import Log
 from heatertune.plc import controller_for
@@ -43,6 +45,7 @@ from heatertune.studio.loop_settings import (
 from heatertune.studio.session import FrontDesign, Session, Ticket, fit_log, read_source
 from heatertune.studio.views import export_name
 from heatertune.studio.wording import fault_text, for_page
+from heatertune.studio.zones_design import DesignedZones, ZonesRequest, design_of, suitable_range, zones_found, zones_of
 
 __all__ = [
     "Follower", "Work", "compare_with_proof", "export_zip", "figures", "left_chart", "left_sentence", "report_page",
@@ -208,11 +211,18 @@ class Work:
         proving: how far the proof of the design in front is, as "18 of 54 runs"; "" before it begins.
         live: the loop that is being recorded, or was; None: none.
         live_error: why it is not, one line; "" where it is.
+        zone_files, zone_names: log of several zones, and their names; empty: none.
+        zones: the last design of them; None: none.
+        zones_error: why there is no other one, one line; "" where there is.
     """
 
     def __init__(self, session: Session) -> None:
         self.session = session
-        self.busy = self.proving = self.live_error = ""
+        self.busy = self.proving = self.live_error = self.zones_error = ""
+        self.zone_files: tuple[tuple[str, bytes], ...] = ()
+        self.zone_names: tuple[str, ...] = ()
+        self.zones: DesignedZones | None = None
+        self._zones_begun = 0
         self.live: LiveLog | None = None
         self._recording: asyncio.Task[None] | None = None
         self._pages: list[Follower] = []
@@ -463,6 +473,48 @@ class Work:
     def can_draw(self) -> bool:
         """Whether there is a proven design to be run on drawn heaters, and none is just now."""
         return self.session.proof is not None and not self.session.is_computing and not self._drawing
+
+    async def offer_zones(self, files: Sequence[tuple[str, bytes]]) -> None:
+        """Let the pages design zones where files hold several."""
+        if zones := await asyncio.to_thread(zones_found, files):
+            self.take_zones(files, zones)
+            self.tell()
+
+    def load_zones(self, source: str) -> bool:
+        """Begin with the zones of a path; return whether it holds any. Errors as `zones_of`."""
+        files, zones, design = zones_of(source)
+        if zones:
+            self.take_zones(files, zones)
+            self.zones = design
+        return bool(zones)
+
+    def take_zones(self, files: Sequence[tuple[str, bytes]], zones: tuple[str, ...]) -> None:
+        """Take the log of several zones, the sensor's range as it suits where no heater is in front."""
+        self.zone_files, self.zone_names, self.zones, self.zones_error = tuple(files), zones, None, ""
+        if files and self.session.fitted is None:
+            with suppress(HeatertuneError):
+                self.session.change(**suitable_range(self.zone_files, zones))
+
+    def put_zones_away(self) -> None:
+        """Forget the zones, on every page."""
+        self._zones_begun += 1
+        self.take_zones((), ())
+        self.tell()
+
+    async def design_zones(self, request: ZonesRequest) -> None:
+        """Show the design of several zones as soon as it is proven; the newest request counts."""
+        self._zones_begun += 1
+        number, self.zones_error = self._zones_begun, ""
+        if decide(None) is True:  # else their loop, which nothing compiles in advance, is compiled where it pays
+            decide(True)
+        try:
+            self.zones = await self._told(
+                lambda tell: design_of(request, tell), "designing all zones", lambda: number == self._zones_begun)
+        except _ResultNotNeeded:
+            return
+        except Exception as problem:
+            self.zones_error = str(self._kind(problem))
+        self.tell()
 
     def put_trace_away(self) -> None:
         """Forget the trace beside the design in front, on every page."""

@@ -1,7 +1,7 @@
 """The page of the studio: its layout, its cards and their updates. `work` and `session` compute the contents.
 
 Cards: the loop (sentence, picture with zoom and legend, figures), drawn heaters (table of quantiles), the commissioned
-loop (trace in the proven band), and a running loop (address, growing trace, and its fit).
+loop (trace in the proven band), a running loop (address, growing trace, and its fit), and several zones of one log.
 """
 
 from __future__ import annotations
@@ -27,13 +27,14 @@ from heatertune.studio import charts, views
 from heatertune.studio.access import LARGEST_LOG
 from heatertune.studio.background_work import Work, figures, left_chart, left_sentence
 from heatertune.studio.charts import live_charts
-from heatertune.studio.controls import NUMBER_SEEN, Controls, Grey, card, chart, draw, html
+from heatertune.studio.controls import NUMBER_SEEN, Controls, Grey, card, chart, draw, html, text_input
 from heatertune.studio.live_log import LiveLog, RecordingRequest
 from heatertune.studio.loop_settings import DRAWN, LoopView
 from heatertune.studio.proof_picture import Picture, picture_of
 from heatertune.studio.session import PinnedDesign
 from heatertune.studio.sheet_card import DroppedFile, SheetCard
 from heatertune.studio.wording import assumptions_text, for_page
+from heatertune.studio.zones_card import ZonesCard
 from heatertune.writing import read_bytes
 
 __all__ = ["DrawnCard", "LeftCard", "LiveCard", "LoopCard", "Page"]
@@ -271,10 +272,10 @@ class LiveCard:
 
     def _build_form(self) -> None:
         with ui.element("div").classes("fields") as self._form:
-            self._address = _text("Address of the PLC", _ADDRESSES)
-            self._where = _text("Folder of its design, or map (TOML)", "out/")
-            self._log = _text("Log to write", "log.csv")
-            self._every = _text("Least time between two rows, in s", "each scan")
+            self._address = text_input("Address of the PLC", _ADDRESSES)
+            self._where = text_input("Folder of its design, or map (TOML)", "out/")
+            self._log = text_input("Log to write", "log.csv")
+            self._every = text_input("Least time between two rows, in s", "each scan")
             self._append = ui.checkbox("continue an existing log").props("dense")
 
     def ask(self) -> None:
@@ -334,10 +335,6 @@ class LiveCard:
     def _put_away(self) -> None:
         self._asked_for = False
         self._work.put_recording_away()
-
-
-def _text(label: str, example: str) -> ui.input:
-    return ui.input(label, placeholder=example, value="").props("outlined dense stack-label")
 
 
 def _content(live: LiveLog) -> bytes:
@@ -402,6 +399,7 @@ class Page:
         self._error = ui.label().classes("card error wide").props("role=alert data-field=error")
         self._progress = ui.label().classes("card wide").props("role=status data-field=progress")
         self._live = LiveCard(self.work, self._read)
+        self._zones = ZonesCard(self.work, lambda: self._sheet.reading)
         self._sheet = SheetCard(self._use, self._hold)
         with ui.element("div").classes("card verdict wide").props("data-field=banner") as self._banner:
             self._verdict = ui.label().props("role=status aria-live=polite data-field=verdict")
@@ -492,6 +490,7 @@ class Page:
     async def _dropped(self, event: events.MultiUploadEventArguments) -> None:
         files = [(file.name, await file.read()) for file in event.files]
         self._upload.reset()
+        await self.work.offer_zones(files)
         for name, content in files:
             await self._read(name, content)
 
@@ -532,6 +531,8 @@ class Page:
         self._show_mend()
         self.show_progress()
         self._sheet.show(proven=session.proof is not None)
+        self._zones.show()
+        self._banner.set_visibility(session.look is not None or self.work.zones is None)
         self._left.show(session.as_left, session.verdict)
         self._drawn.show(session.samples, ready=self.work.can_draw)
         self._grey.show(computing=session.is_computing, number=session.number)

@@ -24,7 +24,8 @@ from heatertune.studio.loop_settings import LoopView
 from heatertune.studio.proof_picture import Line, Picture, course_of, downsample, parts_of, step_corners, straight
 from heatertune.studio.session import PinnedDesign
 
-__all__ = ["Options", "heater_chart", "key_of", "live_charts", "log_chart", "loop_chart", "preview", "zooms"]
+__all__ = ["Options", "heater_chart", "key_of", "line_chart", "line_series", "live_charts", "log_chart", "loop_chart",
+           "preview", "zooms"]
 
 Options = dict[str, Any]
 
@@ -62,16 +63,16 @@ _EDGE: Final = 8
 def log_chart(log: Log, fitted: FittedModel) -> Options:
     """Return log, model and the band in which 95 % of the model's errors lie."""
     kept = downsample(log.time_s, log.temperature_degC, _PIXELS)
-    measured = _line("log", log.time_s[kept], log.temperature_degC[kept], "log")
+    measured = line_series("log", log.time_s[kept], log.temperature_degC[kept], "log")
     lines = [_named(measured, "log", lower=-1)]  # both end at one point
     residuals = fitted.residuals
     if residuals is not None:
         wide = _BAND * float(np.sqrt(np.mean((residuals.measured_degC - residuals.simulated_degC) ** 2)))
         kept = downsample(residuals.time_s, residuals.simulated_degC, _PIXELS)
         time, simulated = residuals.time_s[kept], residuals.simulated_degC[kept]
-        model = _line("model", time, simulated, "model")
+        model = line_series("model", time, simulated, "model")
         lines += [*_band(time, simulated - wide, simulated + wide), _named(model, "model")]
-    return _chart("time [s]", "temperature [°C]", lines)
+    return line_chart("time [s]", "temperature [°C]", lines)
 
 
 def preview(log: Log, window: tuple[float, float] | None = None) -> str:
@@ -119,15 +120,15 @@ def _points(x: Sequence[float] | Array, y: Sequence[float] | Array) -> str:
 def live_charts(trace: RecordedTrace) -> tuple[Options, Options | None]:
     """Return temperature and setpoint of a loop that is being recorded, and its power, None where it shows none."""
     def line(name: str, values: Array, look: str) -> Options:
-        return _with_gaps(_line(name, trace.time_s, values, look), trace.part)
+        return _with_gaps(line_series(name, trace.time_s, values, look), trace.part)
 
     lines = [line("temperature", trace.temperature_degC, "log")]
     if np.isfinite(trace.setpoint_degC).all():
         asked = line("setpoint", trace.setpoint_degC, "limit") | {"step": "end"}
         lines.append(_named(asked, "limit", lower=-1))
-    power = _chart("time [s]", "power [%]", [line("power", trace.power_pct, "log")])
+    power = line_chart("time [s]", "power [%]", [line("power", trace.power_pct, "log")])
     power["yAxis"] |= {"min": 0 if np.min(trace.power_pct) >= 0.0 else -100, "max": 100}
-    return _chart("time [s]", "temperature [°C]", lines), power if np.isfinite(trace.power_pct).all() else None
+    return line_chart("time [s]", "temperature [°C]", lines), power if np.isfinite(trace.power_pct).all() else None
 
 
 def _with_gaps(line: Options, part: Array) -> Options:
@@ -143,9 +144,9 @@ def heater_chart(fitted: FittedModel) -> Options:
     models = (fitted.model, *fitted.plants, *interval_ends(fitted))
     time = np.linspace(0.0, _LAGS * sum(fitted.model.lags_s) + fitted.model.dead_time_s, 120)
     rises = np.array([_rise(model, time) for model in models])
-    model = _named(_line("model", time, rises[0], "model"), "model")
+    model = _named(line_series("model", time, rises[0], "model"), "model")
     lines = [*_band(time, rises.min(axis=0), rises.max(axis=0)), model]
-    return _chart("time [s]", f"rise after {_STEP_PCT:g} % more power [°C]", lines)
+    return line_chart("time [s]", f"rise after {_STEP_PCT:g} % more power [°C]", lines)
 
 
 def _rise(model: HeaterModel, time: Array) -> Array:
@@ -216,7 +217,7 @@ def _over(
     """Return a line over the picture's axis, without the points that nobody would miss."""
     across, values = picture.place(line[0]), line[1]
     kept = straight(across, values, within or _WITHIN * float(np.ptp(values)), pieces)
-    return _line(name, across[kept], values[kept], look, **right)
+    return line_series(name, across[kept], values[kept], look, **right)
 
 
 def _worst(picture: Picture, line: Line) -> Options:
@@ -307,7 +308,7 @@ def _instants(picture: Picture, end_s: float) -> list[float]:
 
 def _two_grids(lines: Sequence[Options], picture: Picture, *, end_s: float) -> Options:
     """Return temperature above power, with one crosshair and one zoom over both."""
-    upper = _chart("time [s]", "temperature [°C]", lines)
+    upper = line_chart("time [s]", "temperature [°C]", lines)
     named = {"customValues": np.round(picture.place(_instants(picture, end_s)), 1).tolist()}
     axis_x = upper["xAxis"] | {"min": 0, "max": round(float(picture.place(end_s)), 1), "splitLine": {"show": False},
                                "axisTick": named}
@@ -344,8 +345,17 @@ def _named(line: Options, look: str, lower: int = 0) -> Options:
     return line | {"endLabel": letters}
 
 
-def _line(name: str, time: Array, values: Array, look: str, *, kind: Any = None, color: str = "") -> Options:
-    """Return a line."""
+def line_series(name: str, time: Array, values: Array, look: str, *, kind: Any = None, color: str = "") -> Options:
+    """Return a line.
+
+    Args:
+        name: as a key or crosshair shows it.
+        time: instants, shape (n,) [s].
+        values: at the instants, shape (n,).
+        look: one of `heatertune.report.plots.LOOK`.
+        kind: dashes, as ECharts names them; None: those of the look.
+        color: "": that of the look.
+    """
     style = LOOK[look]
     color, dashes = color or style["color"], [int(length) for length in _DASHES.get(look, "").split()]
     return {
@@ -365,7 +375,8 @@ def _band(time: Array, low: Array, high: Array) -> list[Options]:
             hidden | {"name": "band, width", "data": data[1], "areaStyle": {"color": color, "opacity": 0.2}}]
 
 
-def _chart(x: str, y: str, lines: Sequence[Options]) -> Options:
+def line_chart(x: str, y: str, lines: Sequence[Options]) -> Options:
+    """Return a chart of lines; `x` and `y` are the names of its axes with their units."""
     text = {"color": _INK, "fontSize": 12}
     axis = {"type": "value", "nameTextStyle": text, "splitLine": {"lineStyle": {"color": "#dddddd"}},
             "axisLabel": text | {"showMinLabel": False, "showMaxLabel": False}}

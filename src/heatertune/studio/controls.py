@@ -25,7 +25,7 @@ from heatertune.studio.loop_settings import SLIDERS, Slider, StudioSettings
 from heatertune.units import terms_in
 
 __all__ = ["MOVE", "MOVED", "NUMBER_SEEN", "Controls", "Grey", "card", "chart", "draw", "explain_label", "html",
-           "number_field", "select_field"]
+           "number_field", "select_field", "text_input"]
 
 
 _CLIENT: Final = """<script>
@@ -96,6 +96,11 @@ def card(title: str, props: str = "", *, wide: bool = False) -> ui.element:
     with made:
         ui.html(title, sanitize=False, tag="h2")
     return made
+
+
+def text_input(label: str, example: str) -> ui.input:
+    """Return a field for text with an example in it."""
+    return ui.input(label, placeholder=example, value="").props("outlined dense stack-label")
 
 
 def explain_label(label: str) -> str:

@@ -38,7 +38,8 @@ def serve(source: str | None, *, port: int | None, browser: bool) -> None:
     """
     sys.setswitchinterval(0.0005)  # [s]: a proof's thread gives way to the page, which needs several turns for a move
     session = Session()
-    if source is not None:
+    work = Work(session)
+    if source is not None and not work.load_zones(source):
         session.load(read_source(source))
     port, token = _free(port), new_token()
     app.add_middleware(Gate, token=token, port=port)
@@ -46,7 +47,6 @@ def serve(source: str | None, *, port: int | None, browser: bool) -> None:
     targets = list(dict.fromkeys([session.settings.target, *TARGETS]))
     app.on_startup(lambda: background_tasks.create(warm(targets)))
 
-    work = Work(session)
     app.on_exception(work.fault)
     app.on_shutdown(work.end_recording)
 

@@ -588,6 +588,7 @@ def _repairs(log: Log | None) -> str:
     return "".join(f"<h3>{title}</h3>{bullets([for_page(item) for item in items])}" for title, items in parts if items)
 
 
+_SHARED: Final = ("temperature_unit", "power_full_scale", "time_unit", "sample_time_s", "skip_rows", "skip_empty")
 _CHANGED: Final = """(e) => { const t = e.target; if (!t.dataset.change) return;
   emit([t.dataset.change, Number(t.dataset.place), t.type === "checkbox" ? t.checked ? "1" : "" : t.value,
         t.dataset.key]); }"""
@@ -644,6 +645,12 @@ class SheetCard:
         """Show whether the file can be the trace of a commissioned loop: a proven design is in front."""
         self._card.classes(remove="" if proven else "proven", add="proven" if proven else "")
         self._against.set_visibility(proven)
+
+    @property
+    def reading(self) -> ReadSettings:
+        """What the user said of units and rows, which holds for the columns of each zone."""
+        known = ReadSettings() if self._dropped is None else self._dropped.settings
+        return ReadSettings(**{name: getattr(known, name) for name in _SHARED})
 
     def close(self) -> None:
         """Forget the file."""

@@ -10,7 +10,7 @@ from heatertune.log.log_values import Log
 from heatertune.model.model_document import to_document
 from heatertune.model.model_values import FittedModel
 from heatertune.pid.design_values import PidDesign
-from heatertune.plc import controller_for
+from heatertune.plc import Words, controller_for
 from heatertune.plc.keyed_entry import FIRST, THEN, KeyedEntry, typed_words
 from heatertune.proof import Proof
 from heatertune.proof.ripple_and_wear import life
@@ -25,7 +25,7 @@ from heatertune.units import the_term
 
 __all__ = [
     "comparison_html", "conditions", "criteria", "diagnosis", "duration_text", "export_name", "in_words", "key",
-    "notes", "proving_text", "rounding", "sentence", "verdict_text", "words",
+    "notes", "proving_text", "rounding", "sentence", "verdict_text", "words", "words_html",
 ]
 
 _PARTS = (("K", "gain_pct_per_degC", "%/°C"), ("TN", "integral_time_s", "s"), ("TV", "derivative_time_s", "s"),
@@ -59,8 +59,18 @@ def _folded(title: str, items: Sequence[str]) -> str:
 
 
 def words(look: LoopView) -> str:
-    """Return the words as the programming tool shows them, in the order of typing, each to be copied."""
-    rows = typed_words(look.gains.words, look.proof.scenario.setpoint_degC)
+    """Return the words of a loop, see `words_html`."""
+    return words_html(look.gains.words, look.proof.scenario.setpoint_degC)
+
+
+def words_html(parameters: Words, setpoint_degC: float) -> str:
+    """Return words as the programming tool shows them, in the order of typing, each to be copied.
+
+    Args:
+        parameters: the words.
+        setpoint_degC: of the proof [°C].
+    """
+    rows = typed_words(parameters, setpoint_degC)
     twice = any(row.changes for row in rows)
     values = (FIRST, THEN) if twice else ("value",)
     heads = "".join(f'<th scope="col">{head}</th>' for head in ("address", "name", "type", *values, "meaning"))
@@ -174,14 +184,14 @@ def duration_text(seconds: float) -> str:
     return f"{seconds / _MINUTE_S:.0f} min" if seconds < 2.0 * _HOUR_S else f"{seconds / _HOUR_S:.1f} h"
 
 
-def key(names: Sequence[tuple[str, str, str]]) -> str:
-    """Return what each line of a picture is: name, colour and dashes of it."""
+def key(names: Sequence[tuple[str, str, str]], *, walls: bool = True) -> str:
+    """Return what each line of a picture is: name, colour and dashes of it; `walls`: of a picture with limits."""
     shown = "".join(
         f'<li><svg width="34" height="10" aria-hidden="true"><line x1="0" y1="5" x2="34" y2="5" stroke="{color}" '
         f'stroke-width="2" stroke-dasharray="{dashes}"/></svg>{text_of(name)}</li>' for name, color, dashes in names)
     wall = ('<li><svg width="34" height="12" aria-hidden="true"><rect width="34" height="12" class="wall"/></svg>'
             "no run may be here</li><li>// time at rest left out</li>")
-    return f'<ul class="key">{shown}{wall}</ul>'
+    return f'<ul class="key">{shown}{wall if walls else ""}</ul>'
 
 
 def in_words(picture: Picture, runs: int) -> str:

@@ -498,9 +498,9 @@ class _Prover:
                 yield label, partial(self._in_use, scaled, settings[0], [0])
             else:
                 self.not_tested.append(f"{label} (it cannot hold the setpoints)")
-        for number, setting in enumerate(settings[1:]):
+        for setting in settings[1:]:
             label = ", ".join(f"{name} = {value}" for name, value in setting.items() if value != settings[0][name])
-            yield label, partial(self._in_use, nominal, setting, [number % self.count])
+            yield label, partial(self._in_use, nominal, setting, every)
             yield f"zones started in turn, {label}", partial(self._in_turn, nominal, setting, every)
         yield "zones started in turn", partial(self._in_turn, nominal, settings[0], every)
         yield "zones started in reverse", partial(self._in_turn, nominal, settings[0], every[::-1])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -24,9 +25,10 @@ from heatertune.settings import ReadSettings
 from heatertune.zones.identify import ZoneLog
 from heatertune.zones.network import ZonePower
 
-__all__ = ["read_zones"]
+__all__ = ["read_zones", "zones_in"]
 
 _ROLES: Final = ("temperature", "power", "setpoint")
+_TOKEN: Final = re.compile(r"[^\W\d_]+|\d+")
 _CLOCK_S: Final = 1e-6  # instants of two zones closer than this are one row
 
 
@@ -80,6 +82,12 @@ def _columns_of(path: Path, zones: Sequence[str], settings: ReadSettings) -> lis
     heaters = heaters_in(path)
     if heaters:
         return [{"tag": _heater_of(path, zone, heaters)} for zone in zones]
+    found = _by_role(path, settings)
+    return [_of_zone(path, zone, number, len(zones), found) for number, zone in enumerate(zones)]
+
+
+def _by_role(path: Path, settings: ReadSettings) -> dict[str, list[str]]:
+    """Return the columns that may be the temperatures, powers and setpoints of zones."""
     sheet = with_names(read_sheet(path, None, settings.skip_rows, settings.tag, settings.decimal_comma))
     if not sheet.header:
         raise InputError(f"{path.name}: columns without names; name them in a first row, so that zones are known")
@@ -88,7 +96,44 @@ def _columns_of(path: Path, zones: Sequence[str], settings: ReadSettings) -> lis
         role = role_of(name)
         if role in found and not (is_cooling(name) or is_fan(name) or is_second_choice(name)):
             found[role].append(name)
-    return [_of_zone(path, zone, number, len(zones), found) for number, zone in enumerate(zones)]
+    return found
+
+
+def zones_in(source: str | Path, settings: ReadSettings | None = None) -> tuple[str, ...]:
+    """Return the names of the zones in one file, as `read_zones` takes them; none of a file with one heater.
+
+    The heaters of a printer's log; otherwise the words in which the names of the power columns differ.
+
+    Args:
+        source: the file.
+        settings: how to read it; None: detect everything.
+
+    Raises:
+        LogError: the file cannot be read.
+    """
+    path, reading = Path(source), settings or ReadSettings()
+    if heaters := heaters_in(path):
+        return tuple(heaters) if len(heaters) > 1 else ()
+    try:
+        found = _by_role(path, reading)
+        zones = _own_parts(found["power"])
+        _ = [_of_zone(path, zone, number, len(zones), found) for number, zone in enumerate(zones)]
+    except InputError:
+        return ()
+    return zones
+
+
+def _own_parts(names: Sequence[str]) -> tuple[str, ...]:
+    """Return the part of each name that no other one has; none where a name has no such part, or there is one name."""
+    words = [{word.casefold() for word in _TOKEN.findall(name)} for name in names]
+    parts = tuple(_own_part(name, set.intersection(*words)) for name in names)
+    return parts if len(parts) == len(set(parts)) > 1 and all(parts) else ()
+
+
+def _own_part(name: str, common: set[str]) -> str:
+    """Return the part of a column's name from its first to its last word that is not common to all columns."""
+    own = [word for word in _TOKEN.finditer(name) if word[0].casefold() not in common]
+    return name[own[0].start():own[-1].end()] if own else ""
 
 
 def _of_zone(path: Path, zone: str, number: int, count: int, by_role: dict[str, list[str]]) -> dict[str, str]:

@@ -17,7 +17,7 @@ from heatertune.report.report_text import figure
 from heatertune.zones.joint_proof import JointProof
 from heatertune.zones.zone_export import text_of_zone
 
-__all__ = ["zone_record"]
+__all__ = ["block_of_zone", "zone_record"]
 
 _HEADS: Final = ("zone", "setpoint [°C]", "gain [°C/%]", "time constant [s]", "dead time [s]", "K [%/°C]", "TN [s]",
                  "TV [s]", "start of the PWM period [s]")
@@ -83,13 +83,18 @@ def _words(proof: JointProof, *, refused: bool) -> list[str]:
         warning = '<p class="fail">Do not enter: these parameters are not proven.</p>' if refused else ""
         source = controller_for(words.target).title
         entry = text_of_zone(words.target, setpoint_entry(words, setpoint), number)
-        blocks = text_of_zone(words.target, _BLOCKS.get(words.target, ""), number)
+        blocks = block_of_zone(words.target, number)
         found.append(
             f"<h2>Zone {text_of(zone)}: parameters for {text_of(words.target)}</h2>{warning}"
             f"<p>Sensor {describe_range(words.scaling)}; call every {figure(words.sample_time_s)} s. Setpoint of the "
             f"proof: {figure(setpoint)} °C; enter {text_of(entry)}.{blocks}</p>"
             + table(("done", *heads), rows, numeric=tuple(place + 1 for place in values), source=source))
     return found
+
+
+def block_of_zone(target: str, number: int) -> str:
+    """Return where the words of a zone stand in the program of all zones, "" where each zone has its own program."""
+    return text_of_zone(target, _BLOCKS.get(target, ""), number)
 
 
 def _files(files: Sequence[str]) -> str:
