@@ -17,7 +17,7 @@ import numpy as np
 from heatertune.cli import main
 from heatertune.live.client.connection import address_of, connect
 from heatertune.live.joint.virtual_zones import virtual_zones
-from heatertune.live.joint.zones_poller import zones_places
+from heatertune.live.joint.zone_blocks import zones_places
 from heatertune.live.recorder import RecordingSetup, record
 from heatertune.live.serve import Simulation
 from heatertune.zones import fit_network, read_zones

@@ -17,9 +17,8 @@ from heatertune.live.client.connection import address_of
 from heatertune.live.experiment import restore
 from heatertune.live.hold import Hold
 from heatertune.live.joint.virtual_zones import virtual_zones
-from heatertune.live.joint.zones_poller import zones_places
-from heatertune.live.joint.zones_proof import read_proven_zones
-from heatertune.live.joint.zones_watch import ZonesWatch
+from heatertune.live.joint.zone_blocks import zones_places
+from heatertune.live.joint.zones_watch import ZonesWatch, read_proven_zones
 from heatertune.live.joint.zones_write import ZonesWriteRequest, apply_zones, inspect_zones, restore_zones
 from heatertune.live.poller import Snapshot
 from heatertune.live.recorder import RecordingSetup, record

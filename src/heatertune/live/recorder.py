@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, Self
 from heatertune.errors import HeatertuneError, InputError, LinkError
 from heatertune.live.client.connection import Address, address_of, demand_library
 from heatertune.live.controller_block import ROLES, Places, places_from
-from heatertune.live.joint.zones_poller import ZonesPlaces, ZonesPoller
+from heatertune.live.joint.zone_blocks import ZonesPlaces, ZonesPoller
 from heatertune.live.poller import Poller, Snapshot
 from heatertune.log.cells import MARK, SWITCHED, TORN, without_torn
 from heatertune.loops.measures import LoopEntry, read_list

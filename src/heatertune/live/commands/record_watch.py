@@ -24,7 +24,7 @@ from heatertune.live.client.connection import Address, address_of
 
 if TYPE_CHECKING:
     from heatertune.live.controller_block import Places
-    from heatertune.live.joint.zones_poller import ZonesPlaces
+    from heatertune.live.joint.zone_blocks import ZonesPlaces
     from heatertune.live.loop_watch import BandWatch, OnlineMonitor
     from heatertune.live.recorder import RecordingState
     from heatertune.live.write.proven_words import ProvenWords
@@ -78,7 +78,7 @@ def zones_of(design: str | None, address: Address, numbers: str | None) -> Zones
     """Return where the zones of a design are; None: its folder holds a design of one heater, or there is none.
 
     Raises:
-        InputError: numbers that are none, or as `heatertune.live.joint.zones_poller.zones_places`.
+        InputError: numbers that are none, or as `heatertune.live.joint.zone_blocks.zones_places`.
     """
     if not holds_zones(design):
         if numbers is not None:
@@ -89,7 +89,7 @@ def zones_of(design: str | None, address: Address, numbers: str | None) -> Zones
     except ValueError:
         raise InputError(f"--zone-blocks {numbers}: expected whole numbers with commas between them, such as "
                          "100,110") from None
-    found: ZonesPlaces = import_module("heatertune.live.joint.zones_poller").zones_places(design, address, blocks)
+    found: ZonesPlaces = import_module("heatertune.live.joint.zone_blocks").zones_places(design, address, blocks)
     return found
 
 

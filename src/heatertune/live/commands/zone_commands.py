@@ -18,8 +18,7 @@ from heatertune.errors import LinkError
 from heatertune.live.client.connection import Address
 from heatertune.live.commands.record_watch import end_requests, show_notes, signals_as_ctrl_c, zones_of
 from heatertune.live.hold import Hold
-from heatertune.live.joint.zones_proof import ProvenZones, read_proven_zones
-from heatertune.live.joint.zones_watch import ZonesWatch
+from heatertune.live.joint.zones_watch import ProvenZones, ZonesWatch, read_proven_zones
 from heatertune.live.joint.zones_write import (
     PLAN_SCHEMA,
     ZonesPlan,

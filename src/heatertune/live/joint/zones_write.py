@@ -21,8 +21,7 @@ from heatertune.errors import DocumentError, InputError, LinkError
 from heatertune.live.client.connection import Address
 from heatertune.live.hold import Hold, WayBackPart, new_way_back
 from heatertune.live.joint.zone_blocks import demand_served, zone_addresses
-from heatertune.live.joint.zones_proof import ProvenZones
-from heatertune.live.joint.zones_watch import watch_zones
+from heatertune.live.joint.zones_watch import ProvenZones, watch_zones
 from heatertune.live.write.apply import NoOrder, in_order
 from heatertune.live.write.plc_block import BlockSnapshot, LinkSettings, Peer, WritePart, block_image
 from heatertune.live.write.proven_words import LEAST_YES, Check, Declared, checks, refusal_reason
