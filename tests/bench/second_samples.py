@@ -212,11 +212,11 @@ def judged(library, case, samples, rng):
                 found.unexplained.append(f"{settings} seed {case.seed + number}: kept {kept[setting, number]} and {seen[-1]}; "
                                          f"{apart(its, mine)}")
         others = [told(library, replace(each, settings=settings), case.limits) for each in own]
-        timer_interval_s = sum(map(keeps, others))
-        found.shares.append((case.design.proof.samples.settings[setting].passing_count, sum(seen), timer_interval_s))
+        kept_by = sum(map(keeps, others))
+        found.shares.append((case.design.proof.samples.settings[setting].passing_count, sum(seen), kept_by))
         of_more = int(more_kept[setting].sum())
-        p = fisher_exact([[timer_interval_s, samples - timer_interval_s], [of_more, MORE - of_more]])[1]
-        found.tests.append((float(p), f"share under {settings}: {timer_interval_s / samples:.3f} and {of_more / MORE:.3f}"))
+        p = fisher_exact([[kept_by, samples - kept_by], [of_more, MORE - of_more]])[1]
+        found.tests.append((float(p), f"share under {settings}: {kept_by / samples:.3f} and {of_more / MORE:.3f}"))
         found.tests += [(_alike([each[name][0] for each in others], more[name][setting], 2.0 * COUNTED.get(name, SLACK)),
                          f"{name} under {settings}") for name in others[0] if name in more]
     found.tests += inputs_alike(drawing, plain, document, rng)

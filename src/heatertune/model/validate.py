@@ -147,7 +147,7 @@ def validate(
     limit = MOST_BIAS_PCT / 100.0 * float(np.ptp(replace_outliers(used.temperature_degC)))
     bias = max((runs[i].bias_degC for i in designed_for), key=abs)
     kept = {"fit": runs[worst].fit_pct >= asked.least_fit_pct, "bias": abs(bias) <= limit}
-    fails = tuple(name for name, has_machine_code in kept.items() if not has_machine_code)
+    fails = tuple(name for name, is_kept in kept.items() if not is_kept)
     meaning = _verdict_notes(runs, worst, len(designed_for), fails, asked.least_fit_pct, limit)
     return Verdict(
         log=log.name, runs=runs, worst=worst, least_fit_pct=asked.least_fit_pct, bias_degC=bias, most_bias_degC=limit,

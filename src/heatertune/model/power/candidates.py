@@ -304,7 +304,7 @@ class _CandidateTrial(NamedTuple):
     bic: float
     law: str
     left_out: HeldOut | None = None
-    has_machine_code: bool = False
+    is_kept: bool = False
 
 
 def second_is_seen(two: PowerFit) -> bool:
@@ -342,7 +342,7 @@ def candidates_of(
             rmse_degC=float(np.sqrt(np.mean((record - trial.simulated_degC) ** 2))), delta_bic=trial.bic - least,
             cross_rmse_degC=None if trial.left_out is None else trial.left_out.rmse_degC,
         )
-        for trial in tried if trial.has_machine_code or trial.bic - least < _NEAR
+        for trial in tried if trial.is_kept or trial.bic - least < _NEAR
     )
 
 
