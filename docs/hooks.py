@@ -187,7 +187,7 @@ def _folder(room: str) -> str:
 def modules(room: str) -> list[str]:
     """Return every module of a room that offers something to others."""
     if room == COMMON:
-        return ["settings", "options", "units", "terms", "errors"]
+        return ["settings", "options", "units", "errors"]
     found, folder = [], SOURCE / _folder(room)
     of_room = {"plc": folder.glob("*.py"), FOLDERS: folder.glob("*/**/*.py")}
     apart = {SOURCE / each for each in _FOLDERS.values() if each.startswith(f"{room}/")}
