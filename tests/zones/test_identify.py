@@ -6,7 +6,7 @@ from scipy.signal import StateSpace, lsim
 
 from heatertune.errors import InputError, LogError, OutOfRange
 from heatertune.zones import fit_network, read_zones
-from heatertune.zones.identify import ZoneLog
+from heatertune.zones.identify import ZoneLog, _NetworkProblem
 from heatertune.zones.network import ThermalNetwork, ZonePower, neighbours, simulate_network
 from tests.zones.networks import chain, drawn, logged, steps
 
@@ -209,3 +209,24 @@ def test_a_log_that_shows_no_heater_is_refused_with_a_way_on(power):
     log = ZoneLog(name="rises", zones=("a", "b"), time_s=time, temperatures_degC=rise, powers_pct=powers)
     with pytest.raises(InputError, match="log a step of each zone's power"):
         fit_network(log)
+
+
+def _misread(powers, gains=(1.0, 1.0, 1.0)):
+    network = chain(3, 0.5)
+    time, readings, logged_powers = logged(network, steps(3, 3000), 1.0, 10)
+    rises = readings - np.array(network.ambients_degC)
+    # with one gain for all zones and no noise, a zone that is cooled is the mirror of one that is heated
+    temperatures = np.array(network.ambients_degC) + rises * np.array(gains)
+    log = ZoneLog(name="z", zones=("a", "b", "c"), time_s=time, temperatures_degC=temperatures,
+                  powers_pct=logged_powers[:, powers])
+    return list(_NetworkProblem.from_log(log).misread_powers(log.zones))
+
+
+def test_powers_of_other_zones_are_named():
+    assert not _misread([0, 1, 2])
+    assert [text.split(",")[0] for text in _misread([1, 0, 2])] == [
+        "zone 'a' follows the power of zone 'b'", "zone 'b' follows the power of zone 'a'"]
+
+
+def test_a_zone_that_is_a_cooler_is_named_with_the_option_that_designs_it():
+    assert "the power of zone 'b' cools it" in " ".join(_misread([0, 1, 2], (1.0, -1.0, 1.0)))

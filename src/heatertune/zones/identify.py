@@ -11,6 +11,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from operator import attrgetter
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -51,6 +52,7 @@ _LEAST_SHOWN: Final = 1e-14  # of a direction of the parameters, relative to wha
 _NO_HEATER: Final = 1e3  # ratio of an end of an interval to the gain or lag, from which on nothing is known of it
 _KNOWN: Final = 10.0  # ratio of an end of a lag's interval to the lag, beyond which the log does not show it
 _FROM_REST: Final = "log a step of each zone's power, one after the other, each until all temperatures are steady"
+_OTHERS: Final = 0.25  # of the squares that a zone's own power leaves: another zone's power heats it
 _WIDE: Final = 4.0  # ratio of an interval's ends above which the log bounds nothing
 
 
@@ -308,6 +310,22 @@ class _NetworkFit(NamedTuple):
     jacobian: Array  # shape (rows, n, parameters)
 
 
+class _HeatBalance(NamedTuple):
+    squares: float  # [°C²], summed
+    solution: Array  # of elapsed time, own temperature, power, one, and the temperatures of others less the own
+    dead_s: float
+
+    @property
+    def of_power(self) -> float:
+        """By how much the power heats [°C/s per %]."""
+        return float(self.solution[2])
+
+    @property
+    def is_heater(self) -> bool:
+        """Whether the zone loses heat and its power heats it."""
+        return bool(self.solution[1] < 0.0 < self.solution[2])
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _NetworkProblem:
     """Readings of the log, thinned, and the power of each zone as logged."""
@@ -329,35 +347,52 @@ class _NetworkProblem:
         """Return parameters by linear least squares on the integrated heat balance, the best of several dead times."""
         own = np.empty((layout.size, 5))
         couplings = []
-        steps = np.diff(self.time_s)
-        integral = np.vstack([np.zeros(layout.size), np.cumsum(
-            0.5 * (self.readings[1:] + self.readings[:-1]) * steps[:, None], axis=0)])
-        elapsed = self.time_s - self.time_s[0]
-        dead_times = np.concatenate([[0.0], np.geomspace(0.5 * float(np.median(steps)), self.longest_s, _DEAD_TIMES)])
         for zone in range(layout.size):
             others = [other for first, other in layout.pairs if first == zone]
-            best: tuple[float, Array, float] | None = None
-            for dead in dead_times:
-                exchanged: list[Array] = [integral[:, other] - integral[:, zone] for other in others]
-                columns = np.column_stack([
-                    elapsed, integral[:, zone], self._energy(zone, float(dead)), np.ones(len(elapsed)), *exchanged])
-                scale = np.abs(columns).max(axis=0) + 1e-30
-                solution, *_ = np.linalg.lstsq(columns / scale, self.readings[:, zone], rcond=None)
-                solution = solution / scale
-                error = float(np.sum((columns @ solution - self.readings[:, zone]) ** 2))
-                if solution[1] < 0.0 < solution[2] and (best is None or error < best[0]):
-                    best = error, solution, float(dead)
-            own[zone], found = self._from_balance(zone, best, len(others))
+            tried = (balance for balance in self._balances(zone, zone, others) if balance.is_heater)
+            own[zone], found = self._from_balance(
+                zone, min(tried, key=attrgetter("squares"), default=None), len(others))
             couplings += found
         return np.concatenate([own.ravel(), couplings])
 
-    def _from_balance(self, zone: int, best: tuple[float, Array, float] | None, others: int) -> tuple[
-            Array, list[float]]:
+    def _balances(self, zone: int, power: int, others: Sequence[int]) -> Iterator[_HeatBalance]:
+        """Yield a zone's integrated heat balance with the power of a zone at several dead times."""
+        steps = np.diff(self.time_s)
+        integral = np.vstack([np.zeros(len(self.courses)), np.cumsum(
+            0.5 * (self.readings[1:] + self.readings[:-1]) * steps[:, None], axis=0)])
+        elapsed = self.time_s - self.time_s[0]
+        for dead in (0.0, *np.geomspace(0.5 * float(np.median(steps)), self.longest_s, _DEAD_TIMES)):
+            exchanged: list[Array] = [integral[:, other] - integral[:, zone] for other in others]
+            columns = np.column_stack([
+                elapsed, integral[:, zone], self._energy(power, float(dead)), np.ones(len(elapsed)), *exchanged])
+            scale = np.abs(columns).max(axis=0) + 1e-30
+            solution, *_ = np.linalg.lstsq(columns / scale, self.readings[:, zone], rcond=None)
+            yield _HeatBalance(float(np.sum((columns @ (solution / scale) - self.readings[:, zone]) ** 2)),
+                               solution / scale, float(dead))
+
+    def misread_powers(self, zones: Sequence[str]) -> Iterator[str]:
+        """Yield which zones another zone's power heats, or their own power cools, as the heat balance of each shows."""
+        for zone, name in enumerate(zones):
+            best = self._best_balances(zone)
+            power = min(range(len(zones)), key=lambda each: best[each].squares)
+            if power == zone and best[zone].of_power < 0.0:
+                yield (f"the power of zone {name!r} cools it, and zones are heaters: log it while the others rest, and "
+                       "design it by itself with --cooler")
+            elif best[power].is_heater and best[power].squares < _OTHERS * best[zone].squares:
+                yield (f"zone {name!r} follows the power of zone {zones[power]!r}, not its own: name the columns of its "
+                       "temperature and power alike")
+
+    def _best_balances(self, zone: int) -> list[_HeatBalance]:
+        powers = range(len(self.courses))
+        others = [other for other in powers if other != zone]
+        return [min(self._balances(zone, power, others), key=attrgetter("squares")) for power in powers]
+
+    def _from_balance(self, zone: int, best: _HeatBalance | None, others: int) -> tuple[Array, list[float]]:
         if best is None:  # far from a heater: a start all the same
             lag = float(np.ptp(self.time_s)) / 10.0
             return np.array([math.log(0.5), math.log(lag), 0.0, self.readings[0, zone], self.readings[0, zone]]), [
                 0.1] * others
-        _, solution, dead = best
+        solution, dead = best.solution, best.dead_s
         lag = -1.0 / solution[1]
         return (np.array([math.log(solution[2] * lag), math.log(lag), dead, solution[0] * lag, self.readings[0, zone]]),
                 [max(float(value) * lag, 0.01) for value in solution[4:]])
@@ -541,10 +576,13 @@ def _result(log: ZoneLog, problem: _NetworkProblem, fit: _NetworkFit) -> FittedN
     reach = _NORMAL * np.sqrt(np.diag(covariance)[: own.size].reshape(own.shape)[:, :2])
     for zone, ambient, known in zip(log.zones, own[:, 3], reach < math.log(_NO_HEATER), strict=True):
         if ambient < ABSOLUTE_ZERO_DEGC or not np.all(known):
-            raise InputError(f"{log.name}: the log does not show the heater of zone {zone!r}: {_FROM_REST}")
+            cause = "; ".join(problem.misread_powers(log.zones))
+            raise InputError(f"{log.name}: the log does not show the heater of zone {zone!r}: {cause or _FROM_REST}")
     error = np.sqrt(np.sum(fit.residuals**2, axis=0) / np.sum((readings - readings.mean(axis=0)) ** 2, axis=0))
     fit_pct = tuple(100.0 * (1.0 - error))
     findings = [*_poor_findings(log, fit_pct, fit.residuals)]
+    if findings:
+        findings += [Finding(name="contradicted", message=cause) for cause in problem.misread_powers(log.zones)]
     fitted = FittedNetwork(
         network=fit.layout.network(log.zones, fit.values), layout=fit.layout, values=fit.values,
         covariance=covariance, late_s=_LATE_ROWS * log.interval_s,
