@@ -52,7 +52,8 @@ _LEAST_SHOWN: Final = 1e-14  # of a direction of the parameters, relative to wha
 _NO_HEATER: Final = 1e3  # ratio of an end of an interval to the gain or lag, from which on nothing is known of it
 _KNOWN: Final = 10.0  # ratio of an end of a lag's interval to the lag, beyond which the log does not show it
 _FROM_REST: Final = "log a step of each zone's power, one after the other, each until all temperatures are steady"
-_OTHERS: Final = 0.25  # of the squares that a zone's own power leaves: another zone's power heats it
+_OTHERS: Final = 0.25  # of the squares that no power, or the own one, leaves: less shows what heats or cools a zone
+_MOVED: Final = 0.05  # of the squares of a zone's temperatures: more is left without the power that moves it
 _WIDE: Final = 4.0  # ratio of an interval's ends above which the log bounds nothing
 
 
@@ -355,16 +356,16 @@ class _NetworkProblem:
             couplings += found
         return np.concatenate([own.ravel(), couplings])
 
-    def _balances(self, zone: int, power: int, others: Sequence[int]) -> Iterator[_HeatBalance]:
-        """Yield a zone's integrated heat balance with the power of a zone at several dead times."""
+    def _balances(self, zone: int, power: int | None, others: Sequence[int]) -> Iterator[_HeatBalance]:
+        """Yield a zone's integrated heat balance with the power of a zone, or none, at several dead times."""
         steps = np.diff(self.time_s)
         integral = np.vstack([np.zeros(len(self.courses)), np.cumsum(
             0.5 * (self.readings[1:] + self.readings[:-1]) * steps[:, None], axis=0)])
         elapsed = self.time_s - self.time_s[0]
         for dead in (0.0, *np.geomspace(0.5 * float(np.median(steps)), self.longest_s, _DEAD_TIMES)):
             exchanged: list[Array] = [integral[:, other] - integral[:, zone] for other in others]
-            columns = np.column_stack([
-                elapsed, integral[:, zone], self._energy(power, float(dead)), np.ones(len(elapsed)), *exchanged])
+            energy = 0.0 * elapsed if power is None else self._energy(power, float(dead))
+            columns = np.column_stack([elapsed, integral[:, zone], energy, np.ones(len(elapsed)), *exchanged])
             scale = np.abs(columns).max(axis=0) + 1e-30
             solution, *_ = np.linalg.lstsq(columns / scale, self.readings[:, zone], rcond=None)
             yield _HeatBalance(float(np.sum((columns @ (solution / scale) - self.readings[:, zone]) ** 2)),
@@ -373,19 +374,25 @@ class _NetworkProblem:
     def misread_powers(self, zones: Sequence[str]) -> Iterator[str]:
         """Yield which zones another zone's power heats, or their own power cools, as the heat balance of each shows."""
         for zone, name in enumerate(zones):
-            best = self._best_balances(zone)
+            best = self._shown_balances(zone)
+            if not best:
+                continue
             power = min(range(len(zones)), key=lambda each: best[each].squares)
             if power == zone and best[zone].of_power < 0.0:
                 yield (f"the power of zone {name!r} cools it, and zones are heaters: log it while the others rest, and "
                        "design it by itself with --cooler")
             elif best[power].is_heater and best[power].squares < _OTHERS * best[zone].squares:
-                yield (f"zone {name!r} follows the power of zone {zones[power]!r}, not its own: name the columns of its "
-                       "temperature and power alike")
+                yield (f"zone {name!r} follows the power of zone {zones[power]!r}, not its own: name the columns of "
+                       "its temperature and power alike")
 
-    def _best_balances(self, zone: int) -> list[_HeatBalance]:
-        powers = range(len(self.courses))
+    def _shown_balances(self, zone: int) -> list[_HeatBalance]:
+        """Return a zone's best heat balance with the power of each zone; empty if no power shows in it."""
+        powers, readings = range(len(self.courses)), self.readings[:, zone]
         others = [other for other in powers if other != zone]
-        return [min(self._balances(zone, power, others), key=attrgetter("squares")) for power in powers]
+        best = [min(self._balances(zone, power, others), key=attrgetter("squares")) for power in powers]
+        idle = next(self._balances(zone, None, others)).squares
+        is_moved = idle >= _MOVED * float(np.sum((readings - readings.mean()) ** 2))
+        return best if is_moved and min(each.squares for each in best) <= _OTHERS * idle else []
 
     def _from_balance(self, zone: int, best: _HeatBalance | None, others: int) -> tuple[Array, list[float]]:
         if best is None:  # far from a heater: a start all the same
