@@ -15,13 +15,13 @@ from heatertune.codec import encode
 from heatertune.plc.targets import NAMES, target_by_name
 from heatertune.report.layout import table
 from heatertune.settings import Conditions
+from heatertune.units import TERMS, GlossaryTerm, the_term
 from heatertune.writing import write_files
 
 if TYPE_CHECKING:
     from heatertune.bench import Throughput, Times
     from heatertune.doctor import InstallationCheck
     from heatertune.pid.design_values import Timer
-    from heatertune.units import GlossaryTerm
 
 __all__ = [
     "BENCH_EXAMPLE", "COMPLETION_EXAMPLE", "DOCTOR_EXAMPLE", "SPEC_EXAMPLE", "TARGETS_EXAMPLE", "TERMS_EXAMPLE",
@@ -45,15 +45,13 @@ def add_terms(commands: Any) -> None:
 
 
 def _run_terms(settings: argparse.Namespace) -> int:
-    from heatertune.units import TERMS, the_term
-
     chosen = tuple(map(the_term, settings.term)) or TERMS
     document = {"schema": "heatertune/terms/1", "terms": [dataclasses.asdict(term) for term in chosen]}
-    printing.output(settings, document, lambda: "\n".join(map(_told_terms, chosen)))
+    printing.output(settings, document, lambda: "\n".join(map(_term_text, chosen)))
     return 0
 
 
-def _told_terms(term: GlossaryTerm) -> str:
+def _term_text(term: GlossaryTerm) -> str:
     name, *others = term.names
     unit = f" [{term.unit}]" if term.unit not in ("", "1") else ""
     meaning = f"{', '.join(others)}{unit}: {term.meaning}" if others else term.meaning
