@@ -377,7 +377,7 @@ class _NetworkProblem:
             best = self._shown_balances(zone)
             if not best:
                 continue
-            power = min(range(len(zones)), key=lambda each: best[each].squares)
+            power = min(range(len(zones)), key=lambda number: best[number].squares)
             if power == zone and best[zone].of_power < 0.0:
                 yield (f"the power of zone {name!r} cools it, and zones are heaters: log it while the others rest, and "
                        "design it by itself with --cooler")
