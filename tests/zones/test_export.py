@@ -142,10 +142,17 @@ def test_the_program_follows_the_open_points_that_the_user_knows(proofs):
 
 @pytest.mark.long
 def test_each_zone_of_a_printer_is_a_section_of_its_own():
-    network = replace(chain(2, 0.05, gain=1.5, lag=300.0), zones=("heater_bed", "chamber"))
+    network = replace(chain(2, 0.05, gain=1.5, lag=300.0), zones=("bed", "chamber"))
     files = export_zones(design_zones(network_by_hand(network), "klipper", 60.0))
-    assert "\n[heater_bed]\n" in str(files["zone1_heater_bed/klipper_heater.cfg"])
-    assert "\n[YOUR_HEATER]\n" in str(files["zone2_chamber/klipper_heater.cfg"])  # no heater of Klipper has this name
+    assert "\n[heater_bed]\n" in str(files["zone1_bed/klipper_heater.cfg"])
+    assert "\n[heater_generic YOUR_HEATER]\n" in str(files["zone2_chamber/klipper_heater.cfg"])
+
+
+@pytest.mark.long
+def test_programs_that_share_addresses_say_so():
+    files = export_zones(design_zones(network_by_hand(chain(2, 0.05, gain=1.5, lag=300.0)), "s7-200", 60.0))
+    assert len(files) == 2
+    assert all("the files of the other zones use the same names and addresses" in str(text) for text in files.values())
 
 
 @pytest.mark.parametrize(("options", "told"), [

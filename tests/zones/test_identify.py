@@ -8,6 +8,7 @@ from heatertune.errors import InputError, LogError, OutOfRange
 from heatertune.zones import fit_network, read_zones
 from heatertune.zones.identify import ZoneLog, _NetworkProblem
 from heatertune.zones.network import ThermalNetwork, ZonePower, neighbours, simulate_network
+from heatertune.zones.zone_reader import zones_in
 from tests.zones.networks import chain, drawn, logged, steps
 
 
@@ -116,6 +117,17 @@ def test_columns_are_found_by_zone_or_in_their_order(tmp_path):
         turned = slice(None, None, -1) if head.startswith("time_s,front") else slice(None)
         np.testing.assert_allclose(log.temperatures_degC, np.round(readings[:, turned], 3))
         np.testing.assert_allclose(log.powers_pct, powers[:, turned])
+
+
+@pytest.mark.parametrize("zones", [("extruder", "bed"), ("room", "chamber"), ("ambient", "oil")])
+def test_a_zone_may_be_called_what_is_a_second_choice_beside_one_heater(tmp_path, zones):
+    time, readings, powers = logged(chain(2, 1.0), steps(2, 2000), 1.0, 10)
+    rows = "\n".join(",".join(f"{value:.3f}" for value in row) for row in np.column_stack([time, readings, powers]))
+    path = tmp_path / "log.csv"
+    path.write_text(f"time_s,{','.join(f'{zone}_temp_C' for zone in zones)},"
+                    f"{','.join(f'{zone}_power_pct' for zone in zones)}\n{rows}\n", encoding="utf-8")
+    assert zones_in(path) == zones
+    np.testing.assert_allclose(read_zones(path, zones).temperatures_degC, np.round(readings, 3))
 
 
 def test_files_of_each_zone_need_one_clock(tmp_path):

@@ -12,7 +12,7 @@ from dataclasses import replace
 from typing import Final
 
 from heatertune.errors import ExportRefused, InputError
-from heatertune.plc import controller_for
+from heatertune.plc import Certificate, controller_for
 from heatertune.zones.joint_proof import JointProof
 
 __all__ = ["export_zones", "text_of_zone"]
@@ -43,17 +43,33 @@ def export_zones(proof: JointProof, *, force: bool = False) -> dict[str, str | b
     target, zones = proof.words[0].target, proof.fitted.network.zones
     demand_program(target, len(zones), staggered=any(proof.offsets_s))
     parts = []
-    heaters = next((switch.settings for switch in controller_for(target).switches if switch.name == "heater"), ())
     for zone, words, setpoint in zip(zones, proof.words, proof.specification.setpoints_degC, strict=True):
-        own = {"heater": zone} if zone in heaters else {}
-        certificate = replace(proof.certificate(), setpoint_degC=setpoint, switches={**proof.switches, **own})
-        parts.append(dict(controller_for(target).export(words, certificate)))
+        parts.append(dict(controller_for(target).export(words, _certificate_of(proof, zone, setpoint))))
     program = _PROGRAMS.get(target)
     if program is None:
         folders = [f"zone{number}_{_NO_FILE_NAME.sub('_', zone)}" for number, zone in enumerate(zones, start=1)]
         return {f"{folder}/{name}": content for folder, part in zip(folders, parts, strict=True)
                 for name, content in part.items()}
     return program(zones, parts, proof)
+
+
+def _certificate_of(proof: JointProof, zone: str, setpoint_degC: float) -> Certificate:
+    """Return what the files of a zone say about the proof."""
+    target, section = proof.words[0].target, _section_of(zone, proof.words[0].target)
+    alone = () if section or target in _PROGRAMS else (
+        f"zone {zone} alone: the files of the other zones use the same names and addresses; give each a controller "
+        "of its own, or names and addresses of its own",)
+    certificate = proof.certificate()
+    return replace(certificate, setpoint_degC=setpoint_degC, switches={**proof.switches, **section},
+                   lines=(*certificate.lines, *alone))
+
+
+def _section_of(zone: str, target: str) -> dict[str, str]:
+    """Return the section of a printer's configuration that a zone's name means: "bed" is the heater_bed."""
+    heaters = next((switch.settings for switch in controller_for(target).switches if switch.name == "heater"), ())
+    generic = "heater_generic" if "heater_generic" in heaters else None
+    name = next((each for each in heaters if zone.casefold() in (each, each.removeprefix("heater_"))), generic)
+    return {} if name is None else {"heater": name}
 
 
 def demand_program(target: str, zones: int, *, staggered: bool) -> None:

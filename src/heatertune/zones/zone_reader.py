@@ -82,21 +82,27 @@ def _columns_of(path: Path, zones: Sequence[str], settings: ReadSettings) -> lis
     heaters = heaters_in(path)
     if heaters:
         return [{"tag": _heater_of(path, zone, heaters)} for zone in zones]
-    found = _by_role(path, settings)
+    found = _by_role(path, settings, zones)
     return [_of_zone(path, zone, number, len(zones), found) for number, zone in enumerate(zones)]
 
 
-def _by_role(path: Path, settings: ReadSettings) -> dict[str, list[str]]:
-    """Return the columns that may be the temperatures, powers and setpoints of zones."""
+def _by_role(path: Path, settings: ReadSettings, zones: Sequence[str] = ()) -> dict[str, list[str]]:
+    """Return the columns that may be the temperatures, powers and setpoints of zones.
+
+    A name that is a second choice beside a heater, such as the extruder beside a bed, may be that of a zone.
+    """
     sheet = with_names(read_sheet(path, None, settings.skip_rows, settings.tag, settings.decimal_comma))
     if not sheet.header:
         raise InputError(f"{path.name}: columns without names; name them in a first row, so that zones are known")
-    found: dict[str, list[str]] = {role: [] for role in _ROLES}
-    for name in sheet.header:
-        role = role_of(name)
-        if role in found and not (is_cooling(name) or is_fan(name) or is_second_choice(name)):
-            found[role].append(name)
-    return found
+    heated = [name for name in sheet.header if not (is_cooling(name) or is_fan(name))]
+    zones = zones or _own_parts([name for name in heated if role_of(name) == "power"])
+    words = [_words(zone) for zone in zones if _words(zone)]
+    taken = [name for name in heated if not is_second_choice(name) or any(zone <= _words(name) for zone in words)]
+    return {role: [name for name in taken if role_of(name) == role] for role in _ROLES}
+
+
+def _words(name: str) -> set[str]:
+    return {word.casefold() for word in _TOKEN.findall(name)}
 
 
 def zones_in(source: str | Path, settings: ReadSettings | None = None) -> tuple[str, ...]:
@@ -125,7 +131,7 @@ def zones_in(source: str | Path, settings: ReadSettings | None = None) -> tuple[
 
 def _own_parts(names: Sequence[str]) -> tuple[str, ...]:
     """Return the part of each name that no other one has; none where a name has no such part, or there is one name."""
-    words = [{word.casefold() for word in _TOKEN.findall(name)} for name in names]
+    words = [_words(name) for name in names]
     parts = tuple(_own_part(name, set.intersection(*words)) for name in names)
     return parts if len(parts) == len(set(parts)) > 1 and all(parts) else ()
 
