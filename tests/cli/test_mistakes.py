@@ -108,6 +108,7 @@ MISTAKES = [
     ('design table4 --target weg --out oven.csv', '--out oven.csv: a file; expected a folder'),
     ('design firing.csv --target weg --out x --read', 'unknown option --read'),
     ('design table4 table3 --target weg', 'unrecognized arguments: table3'),
+    ('design table4 --target weg --zones front rear', 'write a list as one word, --zones a,b'),
     ('design table4 --target weg -v', 'unrecognized arguments: -v'),
     ('fit ovn.csv', 'did you mean oven.csv?'),
     ('read table33', 'did you mean table3?'),

@@ -161,6 +161,8 @@ class CommandParser(argparse.ArgumentParser):
         """
         named = re.findall(r"--[a-z][a-z-]*", message)
         layer = "--help-all" if self._first and not {*named} <= {*self._first} else "--help"
+        if message.startswith("unrecognized arguments") and " -" not in message:
+            message += "; write a list as one word, --zones a,b, and quote what has spaces"
         raise InputError(f"{message} (see: {self.prog} {layer})")
 
 
