@@ -505,8 +505,9 @@ class Work:
         """Show the design of several zones as soon as it is proven; the newest request counts."""
         self._zones_begun += 1
         number, self.zones_error = self._zones_begun, ""
-        if decide(None) is True:  # else their loop, which nothing compiles in advance, is compiled where it pays
-            decide(True)
+        before = decide(None)  # the loop of zones, which nothing compiles in advance, is compiled where it pays
+        if before != "kept":
+            decide(before)
         try:
             self.zones = await self._told(
                 lambda tell: design_of(request, tell), "designing all zones", lambda: number == self._zones_begun)

@@ -19,8 +19,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from heatertune.codec import ZONES_FILE, holds_zones, to_json
-from heatertune.errors import HeatertuneError, InputError
+from heatertune.codec import holds_zones
+from heatertune.errors import HeatertuneError
 from heatertune.model.statistics import Interval
 from heatertune.options import options_of
 from heatertune.processors import ProgressCallback
@@ -35,9 +35,9 @@ from heatertune.studio.wording import for_page
 from heatertune.writing import read_bytes
 from heatertune.zones.identify import FittedNetwork, ZoneLog, fit_network
 from heatertune.zones.joint_proof import JointProof, design_zones, specification_for
-from heatertune.zones.zone_export import demand_program, export_zones
-from heatertune.zones.zone_reader import read_zones, zones_in
-from heatertune.zones.zone_record import block_of_zone, zone_record
+from heatertune.zones.zone_export import demand_pass, demand_program
+from heatertune.zones.zone_reader import numbers_in, read_zones, zones_in
+from heatertune.zones.zone_record import block_of_zone, design_files
 from heatertune.zones.zones_folder import prove_again, read_zones_design, to_document
 
 __all__ = [
@@ -141,20 +141,9 @@ def _keywords(settings: Any) -> str:
     return "".join(f", {name}={value!r}" for name, (_, value) in _changed(settings).items())
 
 
-def typed_numbers(name: str, text: str) -> list[float]:
-    """Return numbers with commas between them; none of an empty text.
-
-    Args:
-        name: what the numbers are, for the error.
-        text: as typed.
-
-    Raises:
-        InputError: a text with anything else.
-    """
-    try:
-        return [float(part) for part in text.split(",") if text.strip()]
-    except ValueError as problem:
-        raise InputError(f"{name} {text}: expected numbers with commas between them, such as 180,190") from problem
+def typed_numbers(name: str, text: str) -> tuple[float, ...]:
+    """Return numbers with commas between them, none of an empty text; arguments and errors as `numbers_in`."""
+    return numbers_in(name, text) if text.strip() else ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -171,17 +160,14 @@ class DesignedZones:
 
     def files(self, *, force: bool) -> dict[str, str | bytes]:
         """Return the programs, the document and the record; errors as `export_zones`."""
-        document = to_document(self.proof)
-        programs = export_zones(self.proof, force=force) if force or self.proof.verdict == "PASS" else {}
-        return {"record.html": zone_record(self.proof, document, list(programs)), ZONES_FILE: to_json(document),
-                **programs}
+        return design_files(self.proof, to_document(self.proof), force=force)
 
     def zip(self, *, force: bool) -> bytes:
         """Return the files as one archive; raise ExportRefused where the verdict is not PASS and it is not forced."""
+        demand_pass(self.proof, force=force)
         packed = io.BytesIO()
-        files = export_zones(self.proof, force=force) | self.files(force=force)
         with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
-            for name, content in sorted(files.items()):
+            for name, content in sorted(self.files(force=force).items()):
                 archive.writestr(zipfile.ZipInfo(name, _EPOCH), content, zipfile.ZIP_DEFLATED)
         return packed.getvalue()
 
@@ -254,7 +240,7 @@ def design_of(request: ZonesRequest, progress: ProgressCallback) -> DesignedZone
         InputError: numbers that are none, or as `read_zones`, `fit_network` and `design_zones`.
         OutOfRange, UnknownName, NotRepresentable: likewise.
     """
-    rated = tuple(typed_numbers("rated powers", request.rated_kw))
+    rated = typed_numbers("rated powers", request.rated_kw)
     setpoints = typed_numbers("setpoints", request.setpoints) or request.settings.setpoint_degC
     demand_program(request.settings.target, len(request.zones),
                    staggered=request.staggered or request.peak_kw is not None)
@@ -299,9 +285,8 @@ def _interval(interval: Interval) -> str:
 
 def verdict_lines(proof: JointProof) -> tuple[str, str]:
     """Return the verdict as one line, and the reasons, assumptions and peak power as HTML."""
-    first, *others = proof.summary().splitlines()
-    kept = tuple(f"{each.name}: " for each in proof.criteria if each.ok)
-    return for_page(f"{first}."), bullets([for_page(line) for line in others if not line.startswith(kept)])
+    first, *others = proof.brief().splitlines()
+    return for_page(f"{first}."), bullets([*map(for_page, others)])
 
 
 def criteria_html(proof: JointProof) -> str:

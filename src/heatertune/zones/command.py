@@ -10,16 +10,15 @@ import numpy as np
 
 from heatertune import options
 from heatertune.cli import common, printing
-from heatertune.codec import DATA, ZONES_FILE, to_json
 from heatertune.errors import InputError
 from heatertune.proof.design_request import with_printer_range
 from heatertune.settings import FitSettings, SampleSettings, WordSettings
 from heatertune.writing import write_files
 from heatertune.zones.identify import FittedNetwork, fit_network
 from heatertune.zones.joint_proof import JointProof, ZoneSpecification, design_zones, specification_for
-from heatertune.zones.zone_export import demand_program, export_zones
-from heatertune.zones.zone_reader import read_zones
-from heatertune.zones.zone_record import zone_record
+from heatertune.zones.zone_export import demand_program
+from heatertune.zones.zone_reader import numbers_in, read_zones
+from heatertune.zones.zone_record import design_files
 from heatertune.zones.zones_folder import to_document
 
 __all__ = ["run"]
@@ -55,13 +54,9 @@ def run(settings: argparse.Namespace) -> int:
         sample_time_s=request.tune_settings.sample_time_s, conditions=request.conditions,
         specification=_specification(settings, fitted, request.conditions))
     document = to_document(proof)
-    files: dict[str, str | bytes] = {ZONES_FILE: to_json(document)}
-    if proof.verdict == "PASS" or settings.force:
-        files |= export_zones(proof, force=settings.force)
-    files["record.html"] = zone_record(proof, document, [name for name in files if not name.startswith(DATA)])
-    write_files(settings.out, files)
+    write_files(settings.out, design_files(proof, document, force=settings.force))
     text = f"{fitted.summary()}\n{_parameters(proof)}\n{proof.summary()}\nwritten to {settings.out}"
-    brief = f"{_parameters(proof)}\n{_brief(proof)}\nwritten to {settings.out}"
+    brief = f"{_parameters(proof)}\n{proof.brief()}\nwritten to {settings.out}"
     printing.output(settings, document, lambda: text, brief=lambda: brief)
     return 0 if proof.verdict == "PASS" else 1
 
@@ -90,21 +85,14 @@ def _demand_program(settings: argparse.Namespace, target: str, zones: int) -> No
     demand_program(target, zones, staggered=settings.stagger or settings.peak_power is not None)
 
 
-def _numbers(flag: str, text: str) -> tuple[float, ...]:
-    try:
-        return tuple(float(part) for part in text.split(","))
-    except ValueError as problem:
-        raise InputError(f"{flag} {text}: expected numbers with commas between them, such as 180,190") from problem
-
-
 def _specification(settings: argparse.Namespace, fitted: FittedNetwork, conditions: Any) -> ZoneSpecification:
     setpoints: Any = conditions.setpoint_degC
     if isinstance(setpoints, tuple):
         raise InputError("--setpoint: zones take one setpoint for all; state --zone-setpoints for one of each")
     if settings.zone_setpoints is not None:
-        setpoints = _numbers("--zone-setpoints", settings.zone_setpoints)
+        setpoints = numbers_in("--zone-setpoints", settings.zone_setpoints)
     spec = specification_for(fitted, setpoints, conditions)
-    rated = () if settings.rated_power is None else _numbers("--rated-power", settings.rated_power)
+    rated = () if settings.rated_power is None else numbers_in("--rated-power", settings.rated_power)
     return replace(spec, deviation_degC=settings.neighbour_deviation, rated_kw=rated, peak_kw=settings.peak_power,
                    staggered=settings.stagger)
 
@@ -118,6 +106,3 @@ def _parameters(proof: JointProof) -> str:
     return "\n".join(lines)
 
 
-def _brief(proof: JointProof) -> str:
-    kept = tuple(f"{each.name}: " for each in proof.criteria if each.ok)
-    return "\n".join(line for line in proof.summary().splitlines() if not line.startswith(kept))

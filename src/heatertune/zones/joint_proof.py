@@ -88,6 +88,10 @@ class ZoneSpecification:
         check("step_degC", self.step_degC, above=0.0)
         if self.deviation_degC is not None:
             check("deviation_degC", self.deviation_degC, above=0.0)
+        for number, rated in enumerate(self.rated_kw):
+            check(f"rated_kw[{number}]", rated, above=0.0)
+        if self.peak_kw is not None:
+            check("peak_kw", self.peak_kw, above=0.0)
         if self.rated_kw and len(self.rated_kw) != len(self.setpoints_degC):
             raise InputError(f"{len(self.rated_kw)} rated powers for {len(self.setpoints_degC)} zones")
         if self.peak_kw is not None and not self.rated_kw:
@@ -218,6 +222,11 @@ class JointProof:
                      f"fit needs {self.heaters_bound}; in {100.0 * self.bound_share:.4g} % of the PWM periods no more "
                      "than the duties of the run need")
         return "\n".join(lines)
+
+    def brief(self) -> str:
+        """Return the summary without the criteria that are kept."""
+        kept = tuple(f"{each.name}: " for each in self.criteria if each.ok)
+        return "\n".join(line for line in self.summary().splitlines() if not line.startswith(kept))
 
     def certificate(self) -> Certificate:
         """Return what each export says about this proof."""

@@ -15,7 +15,7 @@ from heatertune.errors import ExportRefused, InputError
 from heatertune.plc import Certificate, controller_for
 from heatertune.zones.joint_proof import JointProof
 
-__all__ = ["export_zones", "text_of_zone"]
+__all__ = ["demand_pass", "export_zones", "text_of_zone"]
 
 _BETWEEN: Final = 10  # numbers of blocks from one zone to the next
 _MOST: Final = 8  # zones whose heaters are the bits of one byte of outputs
@@ -38,8 +38,7 @@ def export_zones(proof: JointProof, *, force: bool = False) -> dict[str, str | b
         InputError: more zones than a program has outputs for, or staggered PWM periods for a target whose program
             begins them all at once.
     """
-    if proof.verdict != "PASS" and not force:
-        raise ExportRefused(f"{proof.summary().splitlines()[0]}; --force exports these parameters anyway")
+    demand_pass(proof, force=force)
     target, zones = proof.words[0].target, proof.fitted.network.zones
     demand_program(target, len(zones), staggered=any(proof.offsets_s))
     parts = []
@@ -51,6 +50,16 @@ def export_zones(proof: JointProof, *, force: bool = False) -> dict[str, str | b
         return {f"{folder}/{name}": content for folder, part in zip(folders, parts, strict=True)
                 for name, content in part.items()}
     return program(zones, parts, proof)
+
+
+def demand_pass(proof: JointProof, *, force: bool) -> None:
+    """Refuse the export of a proof that is no PASS and that nobody forces.
+
+    Raises:
+        ExportRefused: it is neither.
+    """
+    if proof.verdict != "PASS" and not force:
+        raise ExportRefused(f"{proof.summary().splitlines()[0]}; --force exports these parameters anyway")
 
 
 def _certificate_of(proof: JointProof, zone: str, setpoint_degC: float) -> Certificate:

@@ -25,7 +25,7 @@ from heatertune.settings import ReadSettings
 from heatertune.zones.identify import ZoneLog
 from heatertune.zones.network import ZonePower
 
-__all__ = ["read_zones", "zones_in"]
+__all__ = ["numbers_in", "read_zones", "zones_in"]
 
 _ROLES: Final = ("temperature", "power", "setpoint")
 _TOKEN: Final = re.compile(r"[^\W\d_]+|\d+")
@@ -62,6 +62,22 @@ def read_zones(
         logs = [read_log(paths[0], merge_options(ReadSettings, asked, own)) for own in columns]
         return _joined(names, logs, [log.time_s for log in logs])
     return _of_files(paths, names, asked)
+
+
+def numbers_in(name: str, text: str) -> tuple[float, ...]:
+    """Return a number for each zone, typed with commas between them.
+
+    Args:
+        name: what the numbers are, for the error.
+        text: as typed.
+
+    Raises:
+        InputError: a text with anything else.
+    """
+    try:
+        return tuple(float(part) for part in text.split(","))
+    except ValueError as problem:
+        raise InputError(f"{name} {text}: expected numbers with commas between them, such as 180,190") from problem
 
 
 def _of_files(paths: Sequence[str | Path], names: tuple[str, ...], settings: ReadSettings) -> ZoneLog:

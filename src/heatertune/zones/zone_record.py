@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from heatertune import __version__
-from heatertune.codec import to_json
+from heatertune.codec import ZONES_FILE, to_json
 from heatertune.plc import controller_for
 from heatertune.plc.inputs import describe_range
 from heatertune.plc.keyed_entry import setpoint_entry, typed_table, typed_words
@@ -15,9 +15,9 @@ from heatertune.report.html import BLANK, bullets, page, picture, table, text_of
 from heatertune.report.plots import new_figure
 from heatertune.report.report_text import figure
 from heatertune.zones.joint_proof import JointProof
-from heatertune.zones.zone_export import text_of_zone
+from heatertune.zones.zone_export import export_zones, text_of_zone
 
-__all__ = ["block_of_zone", "zone_record"]
+__all__ = ["block_of_zone", "design_files", "zone_record"]
 
 _HEADS: Final = ("zone", "setpoint [°C]", "gain [°C/%]", "time constant [s]", "dead time [s]", "K [%/°C]", "TN [s]",
                  "TV [s]", "start of the PWM period [s]")
@@ -27,6 +27,21 @@ _ACCEPTANCE: Final = (
     "Heat up all zones together and note the highest temperature of each.",
     "Change the setpoint of one zone, wait until all zones rest, and note how far its neighbours deviate.",
     "Switch one zone off and on again; its neighbours return to their setpoints.")
+
+
+def design_files(proof: JointProof, document: Mapping[str, object], *, force: bool) -> dict[str, str | bytes]:
+    """Return the files of a design of zones: document, record, and the programs of a PASS or where it is forced.
+
+    Args:
+        proof: of all zones together.
+        document: of the proof.
+        force: export although the verdict is not PASS.
+
+    Raises:
+        ExportRefused, InputError: as `export_zones`.
+    """
+    programs = export_zones(proof, force=force) if force or proof.verdict == "PASS" else {}
+    return {ZONES_FILE: to_json(document), **programs, "record.html": zone_record(proof, document, list(programs))}
 
 
 def zone_record(proof: JointProof, document: Mapping[str, object], files: Sequence[str]) -> str:
