@@ -156,6 +156,11 @@ def test_files_of_each_zone_need_one_clock(tmp_path):
         read_zones(paths, ["a", "b", "c"])
 
 
+def dates(time_s):
+    """The instants of a log as dates, to the whole second."""
+    return (np.datetime64("2026-03-02T10:00:00") + time_s.astype("timedelta64[s]")).astype(str)
+
+
 @pytest.mark.long
 def test_files_of_each_zone_that_begin_at_other_times_of_day_are_put_on_one_clock(tmp_path):
     """Each file counted from its own first row would pair readings that are five minutes apart."""
@@ -163,7 +168,7 @@ def test_files_of_each_zone_that_begin_at_other_times_of_day_are_put_on_one_cloc
     time, readings, powers = logged(network, steps(2, 6000), 1.0, 1, np.random.default_rng(4), 0.03)
     paths = [tmp_path / "a.csv", tmp_path / "b.csv"]
     for zone, (path, rows) in enumerate(zip(paths, (slice(0, None, 5), slice(303, None, 5)), strict=True)):
-        stamps = (np.datetime64("2026-03-02T10:00:00") + time.astype(int)[rows]).astype(str)
+        stamps = dates(time)[rows]
         lines = [f"{at},{degC:.2f},{power:.0f}" for at, degC, power in zip(stamps, readings[rows, zone], powers[rows, zone], strict=True)]
         path.write_text("\n".join(["time,temperature [degC],power [%]", *lines]) + "\n", encoding="utf-8")
     log = read_zones(paths, ["a", "b"])
@@ -176,10 +181,10 @@ def test_files_of_each_zone_that_begin_at_other_times_of_day_are_put_on_one_cloc
 
 def test_a_file_with_dates_and_one_with_seconds_have_no_clock_in_common(tmp_path):
     time, readings, powers = logged(chain(2, 1.0), steps(2, 400), 1.0, 4)
-    rows = list(zip(time, readings[:, 0], powers[:, 0], strict=True))
+    rows = zip(time, readings[:, 0], powers[:, 0], strict=True)
     (tmp_path / "a.csv").write_text("time_s,temp_degC,power_pct\n" + "\n".join(f"{t:g},{y:.2f},{u:g}" for t, y, u in rows))
-    begin = np.datetime64("2026-03-02T10:00:00")
-    (tmp_path / "b.csv").write_text("time,temp_degC,power_pct\n" + "\n".join(f"{begin + int(t)},{y:.2f},{u:g}" for t, y, u in rows))
+    rows = zip(dates(time), readings[:, 0], powers[:, 0], strict=True)
+    (tmp_path / "b.csv").write_text("time,temp_degC,power_pct\n" + "\n".join(f"{at},{y:.2f},{u:g}" for at, y, u in rows))
     with pytest.raises(LogError, match="cannot be compared"):
         read_zones([tmp_path / "a.csv", tmp_path / "b.csv"], ["a", "b"])
 
