@@ -4,4 +4,5 @@ import sys
 
 from heatertune.cli import main
 
-sys.exit(main())
+if __name__ == "__main__":  # processes that the studio begins import this file
+    sys.exit(main())

@@ -1,6 +1,6 @@
 """The processors that this process has, and work on all of them at once.
 
-How long work says what begins.
+How long work says what begins, and where it can be ended.
 """
 
 from __future__ import annotations
@@ -13,7 +13,10 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Final, TypeVar
 
-__all__ = ["ProgressCallback", "log_progress", "on_one", "processors", "threaded_list", "threaded_map"]
+__all__ = [
+    "ProgressCallback", "interruptible", "interruption_point", "log_progress", "on_one", "processors", "threaded_list",
+    "threaded_map",
+]
 
 
 #: called with a short message when something begins
@@ -24,6 +27,28 @@ def log_progress(message: str) -> None:
     """Give a message to `logging.getLogger("heatertune")` [INFO]; without a handler of the user it costs nothing."""
     if (logging := sys.modules.get("logging")) is not None:  # who has not imported it has no handler
         logging.getLogger("heatertune").info(message)
+
+
+_check: Final[ContextVar[Callable[[], object]]] = ContextVar("check", default=int)
+
+
+def interruption_point() -> None:
+    """Let long work be ended here by what `interruptible` was given; called every few milliseconds of a search."""
+    _check.get()()
+
+
+@contextmanager
+def interruptible(check: Callable[[], object]) -> Iterator[None]:
+    """Call a function at each `interruption_point` that this thread passes within the block.
+
+    Args:
+        check: raises an exception to end the work.
+    """
+    mark = _check.set(check)
+    try:
+        yield
+    finally:
+        _check.reset(mark)
 
 
 _Item = TypeVar("_Item")

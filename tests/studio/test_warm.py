@@ -1,16 +1,18 @@
 """The compiler beside the page: it leaves machine code on disk, and decides how the page's loops run."""
 
 import asyncio
+import multiprocessing
 import sys
 from collections import Counter
+from dataclasses import replace
 
 import pytest
 
 from heatertune.compiled import decide, dispatch, worth_compiling
-from heatertune.errors import InputError
+from heatertune.errors import InputError, NotRepresentable
 from heatertune.proof import loop
 from heatertune.studio import server as warm_up
-from heatertune.studio.loop_settings import StudioSettings, first_look, full_proof
+from heatertune.studio.loop_settings import StudioSettings, first_look, full_proof, optimum
 
 MOST = 10**15
 
@@ -122,3 +124,30 @@ def test_a_controller_that_cannot_hold_an_ordinary_heater_keeps_no_other_from_be
     monkeypatch.setattr(warm_up, "first_look", look)
     warm_up.compile_all(["weg", "fb41"])
     assert looked == ["weg", "fb41"]
+
+
+class Unwanted(Exception):
+    """Nobody waits for the optimum any more."""
+
+
+def give_up(_message):
+    raise Unwanted
+
+
+def test_an_optimum_of_the_other_process_is_that_of_this_one_and_ends_where_nobody_waits_for_it(heater):
+    searches, settings = warm_up.SearchProcess(), StudioSettings(target="weg", structure="pid", ms=1.537)
+    here = optimum(heater, settings)
+    try:
+        with pytest.raises(Unwanted):  # it begins with the import of the whole program: no answer within a tick
+            searches.optimum(heater, replace(settings, ms=1.437), give_up)
+        found = searches.optimum(heater, settings, str)
+        assert (found.design, found.words, found.search()) == (here.design, here.words, here.search())
+        with pytest.raises(NotRepresentable, match="sampling interval TA would be 1e\\+07"):  # as in this process
+            searches.optimum(heater, replace(settings, sample_time_s=1e7), str)
+    finally:
+        processes = multiprocessing.active_children()
+        searches.end()
+    assert processes
+    assert not multiprocessing.active_children()
+    # without it the search goes on in this thread
+    assert searches.optimum(heater, settings, str).words == here.words

@@ -26,7 +26,7 @@ from heatertune.model.model_values import HeaterModel
 from heatertune.plc.controller import Controller
 from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words
-from heatertune.processors import ProgressCallback, processors, threaded_map
+from heatertune.processors import ProgressCallback, interruption_point, processors, threaded_map
 from heatertune.proof.criteria import Criterion, LoopLimits, columns_of, meter_for
 from heatertune.proof.heaters import RATED_ONLY, limits_off_rated, mains_label
 from heatertune.proof.kernel import AS_TOLD, LoopBatch, TraceArrays
@@ -109,6 +109,7 @@ def count_scans(scans: float) -> None:
     Raises:
         BudgetSpent: one of them, the outermost first, is spent.
     """
+    interruption_point()
     budgets = _budgets.get()
     for budget in budgets:
         budget.used += scans

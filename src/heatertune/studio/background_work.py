@@ -21,8 +21,9 @@ from heatertune.codec import DATA, decode, encode, plain, to_json
 from heatertune.compiled import decide
 from heatertune.errors import HeatertuneError
 from heatertune.log.log_values import Log
+from heatertune.model.model_values import FittedModel
 from heatertune.plc import controller_for
-from heatertune.processors import ProgressCallback
+from heatertune.processors import ProgressCallback, interruptible
 from heatertune.proof.as_left import AsLeft, as_left
 from heatertune.proof.proof_document import ProofView
 from heatertune.report.as_left_section import judgement_text, measured_text, worst_text
@@ -34,7 +35,9 @@ from heatertune.studio.charts import Options
 from heatertune.studio.live_log import LiveLog, RecordingRequest
 from heatertune.studio.loop_settings import (
     DRAWN,
+    CandidateWords,
     LoopView,
+    StudioSettings,
     document_of,
     find_design,
     first_look,
@@ -205,6 +208,7 @@ class Work:
 
     Args:
         session: what is worked on; touched in the event loop's thread only.
+        find_optimum: as `loop_settings.optimum`.
 
     Attributes:
         busy: what takes long and how far it is, a few words; "" where nothing does.
@@ -216,8 +220,11 @@ class Work:
         zones_error: why there is no other one, one line; "" where there is.
     """
 
-    def __init__(self, session: Session) -> None:
-        self.session = session
+    def __init__(
+        self, session: Session,
+        find_optimum: Callable[[FittedModel, StudioSettings, ProgressCallback], CandidateWords] = optimum,
+    ) -> None:
+        self.session, self._find_optimum = session, find_optimum
         self.busy = self.proving = self.live_error = self.zones_error = ""
         self.zone_files: tuple[tuple[str, bytes], ...] = ()
         self.zone_names: tuple[str, ...] = ()
@@ -327,6 +334,7 @@ class Work:
                 session.look_done(ticket, look)
                 self._each(lambda page: page.show_loop(look))  # noqa: B023 - called at once
                 await asyncio.sleep(_FRAME_S)
+                await asyncio.to_thread(getattr, look, "margins")  # of the tables below the picture
         finally:
             self._looking = False
         self.tell()
@@ -368,7 +376,7 @@ class Work:
         session, fitted = self.session, self.session.fitted
 
         def run(tell: ProgressCallback) -> LoopView:
-            gains = optimum(fitted, look.settings, tell)  # type: ignore[arg-type]  # there is a look, so a heater
+            gains = self._find_optimum(fitted, look.settings, tell)  # type: ignore[arg-type]  # there is a look, so a heater
             return first_look(fitted, look.settings, gains)  # type: ignore[arg-type]  # likewise
 
         try:
@@ -573,16 +581,23 @@ class Work:
             wanted: whether anybody still waits for it.
 
         Raises:
-            _Abandoned: nobody does.
+            _ResultNotNeeded: nobody does.
         """
         said, begun, unwanted = [""], time.monotonic(), False
 
-        def tell(message: str) -> None:
+        def check() -> None:
             if unwanted:
                 raise _ResultNotNeeded
+
+        def tell(message: str) -> None:
+            check()
             said.append(message)
 
-        task = asyncio.create_task(asyncio.to_thread(run, tell))
+        def work() -> Any:
+            with interruptible(check):
+                return run(tell)
+
+        task = asyncio.create_task(asyncio.to_thread(work))
         while not task.done():
             self._moved.clear()
             unwanted = unwanted or not wanted()

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
-from functools import lru_cache, partial
+from functools import cached_property, lru_cache, partial
 from typing import Any, Final
 
 from heatertune import chain
@@ -196,7 +196,7 @@ class CandidateWords:
     proof: Proof | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class LoopView:
     """What the page shows at once.
 
@@ -204,7 +204,7 @@ class LoopView:
         settings: it was made for.
         gains: design and words.
         realised: the design as the words realise it; None where the controller is no PID.
-        margins: of the words on all heaters, the worst of each; None where the controller is no PID.
+        plants: heaters for which `margins` are.
         proof: on the nominal heater under default settings of the switches: no verdict on the words.
         wish: the unrounded design on the same heater; None for a controller that is no PID.
     """
@@ -212,9 +212,15 @@ class LoopView:
     settings: StudioSettings
     gains: CandidateWords
     realised: PidDesign | None
-    margins: Margins | None
+    plants: tuple[HeaterModel, ...]
     proof: Proof
     wish: Trace | None
+
+    @cached_property
+    def margins(self) -> Margins | None:
+        """Those of the words on all heaters, the worst of each; None where the controller is no PID."""
+        real = self.realised
+        return None if real is None else worst([margins(plant, real) for plant in self.plants])
 
     @property
     def conditions(self) -> Conditions:
@@ -246,8 +252,7 @@ def first_look(fitted: FittedModel, settings: StudioSettings, gains: CandidateWo
     proof = chain.prove(gains.words, fitted, gains.conditions or settings.conditions, first_look=True)
     real, nominal = proof.design, proof.nominal
     return LoopView(
-        settings=settings, gains=gains, realised=real, proof=proof,
-        margins=None if real is None else worst([margins(plant, real) for plant in _plants(fitted, settings)]),
+        settings=settings, gains=gains, realised=real, proof=proof, plants=_plants(fitted, settings),
         wish=None if real is None else simulate_wish(
             gains.design, nominal.model, nominal.scenario, nominal.actuator,
             ramp_degC_per_min=proof.ramp_degC_per_min if proof.words.ramp else math.inf, hold_degC=proof.hold_degC),

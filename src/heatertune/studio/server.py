@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import asyncio
+import multiprocessing
 import os
+import signal
 import socket
 import sys
+import threading
 from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from typing import Any, Final
 
 from nicegui import app, background_tasks, ui
 
@@ -14,15 +20,20 @@ from heatertune.cache import folder
 from heatertune.compiled import decide
 from heatertune.compiled.loader import host
 from heatertune.errors import HeatertuneError, InputError
-from heatertune.model.model_values import Fopdt, model_by_hand
+from heatertune.model.model_values import FittedModel, Fopdt, model_by_hand
 from heatertune.plc import TARGETS
+from heatertune.processors import ProgressCallback, interruptible
 from heatertune.studio.access import HOST, Gate, address, new_token
 from heatertune.studio.background_work import Work
 from heatertune.studio.browser_page import Page
-from heatertune.studio.loop_settings import StudioSettings, first_look
+from heatertune.studio.loop_settings import CandidateWords, StudioSettings, first_look, optimum
 from heatertune.studio.session import Session, read_source
 
-__all__ = ["compile_all", "serve", "warm"]
+__all__ = ["SearchProcess", "compile_all", "serve", "warm"]
+
+
+_POLL_S: Final = 0.02  # between two questions whether a search has ended
+_NICER: Final = 5  # by so much searches give way to the page
 
 
 def serve(source: str | None, *, port: int | None, browser: bool) -> None:
@@ -37,8 +48,8 @@ def serve(source: str | None, *, port: int | None, browser: bool) -> None:
         InputError: the source cannot be read, the port is taken.
     """
     sys.setswitchinterval(0.0005)  # [s]: a proof's thread gives way to the page, which needs several turns for a move
-    session = Session()
-    work = Work(session)
+    session, searches = Session(), SearchProcess()
+    work = Work(session, searches.optimum)
     if source is not None and not work.load_zones(source):
         session.load(read_source(source))
     port, token = _free(port), new_token()
@@ -49,6 +60,8 @@ def serve(source: str | None, *, port: int | None, browser: bool) -> None:
 
     app.on_exception(work.fault)
     app.on_shutdown(work.end_recording)
+    app.on_shutdown(searches.end)
+    app.on_startup(searches.begin)
 
     def page() -> None:
         Page(work)
@@ -59,6 +72,88 @@ def serve(source: str | None, *, port: int | None, browser: bool) -> None:
         host=HOST, port=port, show=f"/?token={token}" if browser else False, reload=False, show_welcome_message=False,
         title="heatertune studio", language="en-US", favicon="♨", reconnect_timeout=30.0,
     )
+
+
+class SearchProcess:
+    """A process of its own for the searches of the optimum: in a thread they would hold up every answer of the page."""
+
+    def __init__(self) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._newest: Any = context.Value("q", 0, lock=False)  # only this process writes it
+        self._pool: ProcessPoolExecutor | None = ProcessPoolExecutor(1, context, _begin_searches, (self._newest,))
+
+    def begin(self) -> None:
+        """Start the process before the first search."""
+        if self._pool is not None:
+            self._pool.submit(int)
+
+    def end(self) -> None:
+        """End the search and the process."""
+        self._newest.value += 1
+        pool, self._pool = self._pool, None
+        if pool is not None:
+            pool.shutdown(cancel_futures=True)  # and its semaphores are given back with it
+
+    def optimum(self, fitted: FittedModel, settings: StudioSettings, progress: ProgressCallback) -> CandidateWords:
+        """Return what `loop_settings.optimum` returns, found in the process, or in this thread where there is none.
+
+        Args:
+            fitted: the heater.
+            settings: what is asked for.
+            progress: called every `_POLL_S`; where it raises, the search ends.
+
+        Raises:
+            InputError, NotRepresentable: as `loop_settings.optimum`.
+        """
+        if self._pool is not None:
+            self._newest.value = number = self._newest.value + 1
+            try:
+                found = self._pool.submit(_numbered_optimum, number, fitted, settings)
+                while True:
+                    try:
+                        return found.result(_POLL_S)
+                    except TimeoutError:
+                        progress("searching the optimum")
+            except BrokenProcessPool:
+                self._pool = None
+            except BaseException:
+                self._newest.value += 1
+                raise
+        return optimum(fitted, settings, progress)
+
+
+#: in the process of its own: number of the newest request
+_request: Final = list[Any]()
+
+
+class _NewerRequest(Exception):
+    """Another optimum is asked for."""
+
+
+def _begin_searches(newest: Any) -> None:
+    """Make a process ready for `_numbered_optimum`; it ends with the one that began it, however that ends."""
+    _request.append(newest)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    decide("kept")
+    if hasattr(os, "nice"):
+        os.nice(_NICER)
+    if (parent := multiprocessing.parent_process()) is not None:
+        threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+
+
+def _end_with(parent: Any) -> None:
+    """End this process once another one has ended."""
+    parent.join()
+    os._exit(0)
+
+
+def _numbered_optimum(number: int, fitted: FittedModel, settings: StudioSettings) -> CandidateWords:
+    def check(_message: str = "") -> None:
+        if _request[0].value != number:
+            raise _NewerRequest
+
+    with interruptible(check):
+        return optimum(fitted, settings, check)
 
 
 async def _tell(port: int, token: str) -> None:

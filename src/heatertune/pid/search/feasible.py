@@ -38,6 +38,7 @@ from heatertune.pid.sampled_loop import (
     sensitivity_peaks,
 )
 from heatertune.pid.specs import ROOM, Specs
+from heatertune.processors import interruption_point
 
 __all__ = [
     "NonlinearProgram", "Problem", "keeps", "largest_gain", "nonlinear_program", "on_the_limit", "polish", "search",
@@ -240,6 +241,7 @@ def _candidates(problem: Problem, times: Iterable[tuple[float, float]]) -> Itera
     hardest, *others = sorted(problem.limited, key=_hardness)
     ahead, numbers = list[tuple[float, int, PidDesign | _Looked]](), count()
     for tn, tv in times:
+        interruption_point()
         looked = _Looked.at(problem, float(tn), float(tv), [hardest])
         ahead += [(problem.least_cost(top), next(numbers), looked) for top in looked.tops(problem)[:1]]
     heapify(ahead)
@@ -262,6 +264,7 @@ def _hardness(plant: HeaterModel) -> float:
 def _best_of(problem: Problem, candidates: Iterable[CostedDesign], best: CostedDesign | None) -> CostedDesign | None:
     """Return the best of the candidates and of the previous best; None if nothing keeps the limits."""
     for bound, design in candidates:
+        interruption_point()
         if best is not None and bound >= best[0]:
             break
         if keeps(problem, design):
@@ -338,10 +341,12 @@ def polish(problem: Problem, start: PidDesign) -> tuple[PidDesign, str]:
     """
     if problem.objective == "ki":
         return start, "IPOPT was not used: TN/K needs no simulation, and the feasible-set search is exact."
+    interruption_point()
     try:
         program = nonlinear_program(problem, start)
     except _NoProgram as why:
         return start, f"IPOPT was not used: {why}; the result of the feasible-set search is used."
+    interruption_point()
     answer, status = program.run_ipopt(program.cost, [])
     if status not in _SOLVED:
         return start, f"IPOPT stopped with {status}; the result of the feasible-set search is used."

@@ -34,6 +34,7 @@ from heatertune.pid.sampled_loop import (
     sensitivity_peaks,
 )
 from heatertune.pid.search.robust import peaks_on
+from heatertune.processors import interruption_point
 
 __all__ = ["IntegerOptimum", "Integers", "LoopBounds", "Vector", "best_integers", "bounds_of", "norms"]
 
@@ -342,6 +343,7 @@ def best_integers(problem: Integers, *, most_boxes: int = _MOST_BOXES) -> Intege
     while waiting and waiting[0][0] < cost * (1.0 - _EQUAL):
         if boxes >= most_boxes:
             return IntegerOptimum(words=words, cost=cost, least=waiting[0][0], boxes=boxes)
+        interruption_point()
         _, box = heapq.heappop(waiting)
         for part in _halves(box):
             boxes += 1
