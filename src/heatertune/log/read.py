@@ -330,8 +330,8 @@ def _readings(sheet: Sheet, columns: Columns, edges: Mask, *, skip_empty: bool) 
     """
     explained = bool(np.any(edges)) and bool(np.all(
         edges | ~sheet.columns[columns.index["temperature"]].where(says_nothing)))
-    raw = numbers(sheet, columns, "temperature", "a number (--skip-empty leaves out rows whose cell is empty)",
-                  holes=skip_empty or explained, blank="a number (--skip-empty leaves such rows out)", lenient=True)
+    raw = numbers(sheet, columns, "temperature", holes=skip_empty or explained,
+                  blank="a number (--skip-empty leaves such rows out)", lenient=True)
     known = np.flatnonzero(~np.isnan(raw))
     between = np.zeros(len(raw), dtype=np.bool_)
     if len(known):
