@@ -44,9 +44,7 @@ def read(export):
                 return log
             words += [unknown[0], export.user[unknown[0]]]
         except LogError as question:
-            more = asked_for(str(question), export, words)
-            assert more, question
-            words += more
+            words += asked_for(str(question), export, words)
     raise AssertionError(words)
 
 

@@ -423,6 +423,7 @@ _NEARLY_ALL: Final = 0.98
 _CLEARLY: Final = 0.5  # of the roughness of the next best
 _MOST_COLUMNS: Final = 12
 _MANY: Final = 20  # values
+_FIRST: Final = 5  # rows below the names
 
 
 def join_decimals(file: Path, rows: Grid, stated: str | None, repairs: list[str]) -> None:
@@ -445,6 +446,9 @@ def join_decimals(file: Path, rows: Grid, stated: str | None, repairs: list[str]
     names = max(words, key=lambda row: len({role_of(cell) for cell in row}), default=None)
     if names is None and any(len(row) == width and role_of(row[0]) for row in rows[:_SAMPLE]):
         return  # as many names as cells: the commas of numbers are quoted
+    begins = 0 if names is None else next(k for k, row in enumerate(rows, start=1) if row == names)
+    if stated is None and begins and all(len(row) == len(names or ()) for row in rows[begins:begins + _FIRST]):
+        return  # as many cells as names at first: later rows have a column more
     if stated is not None:
         columns = () if stated == "none" else _stated(file, stated, names)
     elif names is None:

@@ -13,8 +13,9 @@ import numpy as np
 from heatertune.arrays import Array
 
 __all__ = [
-    "STAMPS", "clocks_in_digits", "duration_s", "has_zone", "is_clock", "is_date", "is_date_in_digits", "is_day_or_month", "is_day_or_year",
-    "is_hours_or_minutes", "month_first", "month_or_day_first", "past_hour", "past_midnight", "stamp", "year_turned",
+    "STAMPS", "clocks_in_digits", "duration_s", "has_zone", "is_clock", "is_date", "is_date_in_digits",
+    "is_day_or_month", "is_day_or_year", "is_hours_or_minutes", "month_first", "month_or_day_first", "past_hour",
+    "past_midnight", "stamp", "year_turned",
 ]
 
 
@@ -199,13 +200,13 @@ def clocks_in_digits(values: Array) -> Array | None:
         return None
     hours, minutes, seconds = values // 10000, values // 100 % 100, values % 100
     elapsed_s = 3600.0 * hours + 60.0 * minutes + seconds
-    even = [np.ptp(np.percentile(np.diff(each), [1.0, 99.0])) == 0.0 for each in (elapsed_s, values)]
-    is_clock_ = minutes.max() < 60.0 and seconds.max() < 60.0 and np.any(np.diff(minutes))  # noqa: PLR2004
-    return elapsed_s if is_clock_ and even == [True, False] else None
+    uneven_s, uneven = np.ptp(np.percentile(np.diff([elapsed_s, values]), [1.0, 99.0], axis=1), axis=0)
+    return elapsed_s if max(minutes.max(), seconds.max()) < _SIXTY and uneven_s == 0.0 < uneven else None
 
 
 _FEWEST_CLOCKS: Final = 20
 _END_OF_DAY: Final = 240000.0
+_SIXTY: Final = 60.0
 
 
 def is_clock(cell: str) -> bool:
