@@ -125,9 +125,13 @@ def _put_back_repeats(steps: Array) -> str:
     even = np.mean(np.abs(steps - usual) <= 0.5 * usual) > _MOSTLY
     if usual <= 0.0 or not even or np.count_nonzero(steps < 0) > _FEW_TIMES:
         return ""
-    hour = abs(float(steps.min()) + _HOUR_S - usual) <= max(usual, 1.0)
-    reason = " by an hour (end of summer time)" if hour else ""
+    reason = " by an hour (end of summer time)" if _is_hour_back(steps, usual) else ""
     return f"; where the clock was put back{reason}, --log-interval {usual:g} counts the rows"
+
+
+def _is_hour_back(steps: Array, usual: float) -> bool:
+    """Return whether the clock was put back by an hour; the steps are of shape (n,) [s], the usual one in seconds."""
+    return abs(float(steps.min()) + _HOUR_S - usual) <= max(usual, 1.0)
 
 
 def _otherwise(sheet: Sheet, columns: Columns, dropped: Rows, firsts: Rows) -> list[int]:
@@ -262,12 +266,12 @@ def in_order(sheet: Sheet, time: Array, repairs: list[str]) -> tuple[Sheet, Arra
     """Return sheet and times, shape (n,) [s], with the few rows put in order that were written behind a later one.
 
     They are put back only where there is a gap for each of them: a clock that was put back leaves none. A ring of rows
-    whose end is followed by its beginning begins with its oldest row.
+    whose end is followed by its beginning begins with its oldest row, unless it may be the end of summer time.
     """
     steps = np.diff(time)
     back = np.flatnonzero(steps < 0.0)
     usual = float(np.median(steps)) if len(steps) else 0.0
-    if len(back) == 1 and 0.0 < time[0] - time[-1] <= _PAUSE_TIMES * usual:
+    if len(back) == 1 and 0.0 < time[0] - time[-1] <= _PAUSE_TIMES * usual and not _is_hour_back(steps, usual):
         repairs.append(f"The file is a ring of rows; those from line {sheet.line_name(int(back[0]) + 1)} on are older "
                        "and were put first.")
         order = np.roll(np.arange(len(time)), -int(back[0]) - 1)
