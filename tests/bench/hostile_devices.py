@@ -13,9 +13,10 @@ from datetime import datetime, timedelta
 from functools import partial
 from typing import Any
 
+from tests.bench import tool_exports
 from tests.bench.hostile_exports import HEAD, plain
 from tests.bench.hostile_exports import hostile as _hostile
-from tests.bench.tool_exports import START, Run, comma, iso, point, stamped, text
+from tests.bench.tool_exports import START, Run, comma, iso, point, stamped, steps, text
 
 WRITERS: list[tuple[str, Callable[[Run], tuple[Any, ...]]]] = []
 hostile = partial(_hostile, into=WRITERS)
@@ -291,7 +292,8 @@ def _(run):
 
 @hostile("words of a relay in French")
 def _(run):
-    rows = [[point(s), point(d), "marche" if (s % 20) < 0.2 * p else "arrêt"] for s, d, p, _ in run.rows]
+    plan = [(int(s), 100.0 * ((s % 20) < 0.2 * p)) for s, _, p, _ in run.rows]  # what the heater gets, too
+    rows = [[point(s), point(d), "marche" if p else "arrêt"] for s, d, p, _ in steps(tool_exports.OVEN, plan=plan).rows]
     return text([["temps [s]", "Température [°C]", "Chauffage"], *rows]), {"--power-levels": "arrêt marche"}
 
 
