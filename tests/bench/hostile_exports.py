@@ -1,6 +1,8 @@
 """Hostile exports of one known heater, which no tool writes on purpose: is any read into another heater?
 
-    python -m tests.bench.hostile_exports [--only NAME] [--verbose] [--draw N]
+    python -m tests.bench.hostile_exports [--only NAME] [--verbose] [--draw N] [--devices]
+
+--devices: those of `hostile_devices` alone.
 
 Each goes through `messy.judge`: a message is followed by what the user of this heater knows. A wrong heater, an
 accusation that is false and a traceback are failures; a refusal without a way on is counted and shown.
@@ -9,7 +11,9 @@ accusation that is false and a traceback are failures; a refusal without a way o
 from __future__ import annotations
 
 import argparse
+import importlib
 import random
+import re
 import sys
 import tempfile
 from collections import Counter
@@ -23,21 +27,23 @@ from tests.bench.messy import ACCUSED, CLASSES, STUCK, WRONG, judge
 from tests.bench.tool_exports import START, Export, Run, comma, iso, point, redraw, steps, table, text
 
 WRITERS: list[tuple[str, Callable[[Run], tuple[Any, ...]]]] = []
-OPEN = "blocked by its unit"
+OPEN = "blocked by a finding"
 HEAD = ("time [s]", "Temp [°C]", "Heater [%]")
 
 
-def hostile(name: str) -> Callable[[Callable[[Run], tuple[Any, ...]]], Callable[[Run], tuple[Any, ...]]]:
+def hostile(
+    name: str, into: list[tuple[str, Callable[[Run], tuple[Any, ...]]]] = WRITERS,
+) -> Callable[[Callable[[Run], tuple[Any, ...]]], Callable[[Run], tuple[Any, ...]]]:
     """Add a writer: it returns content, and optionally what the user knows and a true accusation."""
     def add(writer: Callable[[Run], tuple[Any, ...]]) -> Callable[[Run], tuple[Any, ...]]:
-        WRITERS.append((name, writer))
+        into.append((name, writer))
         return writer
     return add
 
 
-def exports(only: str | None = None) -> Iterator[Export]:
+def exports(only: str | None = None, writers: list[tuple[str, Callable[[Run], tuple[Any, ...]]]] = WRITERS) -> Iterator[Export]:
     """Make the exports, or one of them."""
-    for name, writer in WRITERS:
+    for name, writer in writers:
         if only in (None, name):
             content, *more = writer(steps(tool_exports.OVEN))
             content = content if isinstance(content, bytes) else content.encode()
@@ -47,8 +53,8 @@ def exports(only: str | None = None) -> Iterator[Export]:
 def outcome_of(export: Export, folder: Path) -> tuple[str, list[str]]:
     """Return what became of an export, and the messages on the way."""
     outcome, said = judge(export, folder)
-    if outcome == WRONG and "unit-assumed" in said[-1]:  # it blocks, and its message states the option
-        return OPEN, said
+    if outcome == WRONG and ("unit-assumed" in said[-1] or re.search(export.true_fault or "^$", said[-1])):
+        return OPEN, said  # a finding blocks the verdict, and its message says what to do
     return outcome, said
 
 
@@ -419,11 +425,12 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--only")
     parser.add_argument("--draw", type=int, default=0)
     parser.add_argument("--verbose", action="store_true")
+    parser.add_argument("--devices", action="store_true")
     asked = parser.parse_args(arguments)
     redraw(asked.draw)
     counts: Counter[str] = Counter()
     with tempfile.TemporaryDirectory() as folder:
-        for export in exports(asked.only):
+        for export in exports(asked.only, importlib.import_module("tests.bench.hostile_devices").WRITERS if asked.devices else WRITERS):
             outcome, said = outcome_of(export, Path(folder))
             counts[outcome] += 1
             print(f"{export.tool}: {outcome}", flush=True)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from tests.bench import hostile_exports, tool_exports
+from tests.bench import hostile_devices, hostile_exports, tool_exports
 
 from heatertune.errors import LogError
 from heatertune.log import read_log
@@ -79,7 +79,8 @@ def test_an_element_is_a_heater(tmp_path):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("export", [*hostile_exports.exports()], ids=lambda export: export.tool)
+@pytest.mark.parametrize("export", [
+    *hostile_exports.exports(), *hostile_exports.exports(writers=hostile_devices.WRITERS)], ids=lambda export: export.tool)
 def test_no_hostile_export_is_read_into_another_heater(tmp_path, export):
     outcome, said = hostile_exports.outcome_of(export, tmp_path)
     assert outcome not in (hostile_exports.WRONG, hostile_exports.ACCUSED), said

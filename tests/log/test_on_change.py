@@ -9,13 +9,39 @@ from hypothesis import strategies as st
 
 from heatertune.errors import LogError
 from heatertune.log import read_log
-from heatertune.log.on_change import on_change, spread
+from heatertune.log.on_change import held_readings, on_change, spread
 
 
 def oven(n=600):
     """Readings of an oven, one every 5 s in tenths: at rest, up by 36 °C after 60 s, and at rest again."""
     time = 5.0 * np.arange(n)
     return time, np.round(20.0 + 36.0 * np.where(time < 80.0, 0.0, 1.0 - np.exp(-(time - 80.0) / 200.0)), 1)
+
+
+@pytest.mark.parametrize(("every", "late"), [(3, 0), (10, 1), (60, 7)])
+def test_a_sensor_that_is_read_in_every_kth_row_leaves_the_power_its_own_rows(every, late):
+    """Of rows each 5 s the sensor's are kept, and those in which the power changes; all others are no reading."""
+    rows = np.arange(40 * every)
+    truth = 20.0 + 0.01 * rows + 0.3 * np.sin(rows)
+    begins = np.maximum((rows - late) // every * every + late, 0)
+    power = np.where(rows < 5 * every + 1, 0, np.where(rows < 21 * every + 2, 60, 20))
+    text = "time [s],T [°C],power [%]\n" + "".join(f"{5 * k},{truth[begins[k]]:.4f},{power[k]}\n" for k in rows)
+    log = read_log("log.csv", content=text.encode())
+    own = np.unique(begins)
+    assert log.time_s.tolist() == (5.0 * own).tolist()
+    assert log.temperature_degC == pytest.approx(truth[own], abs=1e-4)
+    changes = np.flatnonzero(np.diff(power)) + 1
+    assert set(5.0 * changes) <= set(log.signals["power"].time_s)
+    assert log.taken.left_out == 0
+
+
+def test_readings_that_stand_are_no_held_ones():
+    rng = np.random.default_rng(3)
+    assert not held_readings(np.round(20.0 + rng.normal(0.0, 0.05, 900), 1)).any()
+    assert not held_readings(oven()[1]).any()
+    assert not held_readings(np.repeat([20.0, 21.0], 400)).any()
+    uneven = np.repeat(np.arange(100.0), rng.integers(9, 12, 100))
+    assert not held_readings(uneven).any()
 
 
 def thinned(time, readings):

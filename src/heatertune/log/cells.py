@@ -35,6 +35,7 @@ from heatertune.log.quantities import (
     role_of,
     says_nothing,
     usual_form,
+    without_marks,
 )
 from heatertune.log.sheet import Grid, Sheet, TextParts, drain
 from heatertune.log.timestamps import stamp
@@ -93,7 +94,8 @@ def take_header(lines: Lines, rows: Grid, repairs: list[str]) -> tuple[tuple[str
     if titles:
         repairs.append(f"{count(titles, 'title line')} above the table skipped (up to line {above}).")
     kept = np.arange(len(rows)) >= begin
-    again = [k for k in rows.find(names) if k >= begin] if names else []  # as written when a logger restarts
+    heads = [] if chosen is None else [list(names), *(rows[k] for k in words if k >= chosen)]
+    again = sorted({k for head in heads for k in rows.find(head) if k >= begin})  # as written when a logger restarts
     if again:
         repairs.append(f"{count(len(again), 'repeat')} of the header skipped (line {lines[again[0]]}).")
         kept[again] = False
@@ -116,7 +118,8 @@ def _has_row_names(rows: Grid) -> bool:
 
 def _first_reading(rows: Grid, width: int) -> int:
     """Return the first row that looks like those at the end of the file."""
-    sample = [row for row in rows[-_HEADER_SAMPLE:] if len(row) == width]
+    sample = [row for row in rows[-_HEADER_SAMPLE:] if len(row) == width] or [
+        row for row in rows[:_MOST_TITLES] if len(row) == width][-_HEADER_SAMPLE:]
     values = [i for i in range(width) if sum(_is_value(row[i]) for row in sample) >= 0.5 * len(sample)]
     for k, row in enumerate(rows[:_MOST_TITLES]):
         if len(row) == width and values and all(_is_value(row[i]) or says_nothing(row[i]) for i in values) and any(
@@ -254,6 +257,7 @@ _BEFORE_CLOCK = re.compile(r"(?<=\d) (?=\d{1,2}:\d\d)")
 _UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 _SAMPLE = 50  # lines looked at to find the separator
 _FEW_LINES: Final = 20
+_MANY_LINES: Final = 1000
 _SEPARATOR_LINE: Final = re.compile(r'[" ]*sep=[;,\t|][" ]*', re.IGNORECASE)  # written by spreadsheets
 _FRAME_LINE: Final = re.compile(r"[-+=| :]*(?:---|===)[-+=| :]*")  # of a table that a database's terminal prints
 _MARKS: Final = ("\t", ";", "|", ",")
@@ -531,7 +535,7 @@ def _split(path: Path, lines: NumberedLines, separator: str | None) -> Grid:
         return Grid(rows, _usual_width(_BEFORE_CLOCK.sub("T", text).split() for text in lines.texts[-_SAMPLE:]))
     reader = csv.reader(_between(lines.texts, separator), delimiter=separator[-1], skipinitialspace=True)
     try:
-        last = csv.reader(_between(lines.texts[-_SAMPLE:], separator), delimiter=separator[-1], skipinitialspace=True)
+        last = csv.reader(_usual_lines(lines.texts, separator), delimiter=separator[-1], skipinitialspace=True)
         width = _usual_width(row or [""] for row in last)
     except csv.Error:
         width = 1  # the whole table tells the line
@@ -539,6 +543,16 @@ def _split(path: Path, lines: NumberedLines, separator: str | None) -> Grid:
         return Grid((row or [""] for row in reader), width)
     except csv.Error as problem:
         raise LogError(str(problem), file=path, line=lines[reader.line_num - 1][0]) from problem
+
+
+def _usual_lines(texts: TextParts, separator: str) -> Iterable[str]:
+    """Return the last lines; of a table that goes on in another width, those before it, if they are more."""
+    some = texts.at_rows(np.unique(np.linspace(0, len(texts) - 1, _MANY_LINES).astype(np.intp)))
+    numbers = [text.count(separator[-1]) for text in _between(some, separator)]
+    usual, number = Counter(numbers).most_common(1)[0]
+    if not usual or number <= 0.5 * len(numbers):
+        return _between(texts[-_SAMPLE:], separator)
+    return _between(some.at_rows(np.flatnonzero(np.array(numbers) == usual)[-_SAMPLE:]), separator)
 
 
 def _between(texts: Iterable[str], separator: str) -> Iterable[str]:
@@ -573,8 +587,14 @@ def plain_cells(sheet: Sheet, decimal_comma: str | None = None) -> Sheet:
     """
     units, commas, repairs = [], False, list(sheet.repairs)
     stated = None if decimal_comma is None else {part.strip() for part in decimal_comma.split(",")}
-    for i, (name, column) in enumerate(zip(sheet.names(), sheet.columns, strict=True)):
-        comma = None if stated is None else not stated.isdisjoint((name, f"{i + 1}"))
+    for i, (name, cells) in enumerate(zip(sheet.names(), sheet.columns, strict=True)):
+        comma, shown = None, f"'{name}'" if sheet.header else name
+        if stated is not None:
+            comma = not stated.isdisjoint((name, f"{i + 1}"))
+        if (unmarked := without_marks(cells)) is not None:
+            sheet = sheet.with_column(i, unmarked)
+            repairs.append(f"The marks behind some numbers of column {shown} were left out.")
+        column = cells if unmarked is None else unmarked
         plain = plain_quantities(column, decimal_commas=comma)
         units.append(plain[1] if plain else "")
         if plain is None:
@@ -582,7 +602,6 @@ def plain_cells(sheet: Sheet, decimal_comma: str | None = None) -> Sheet:
         commas |= plain[2]
         sheet = sheet.with_column(i, plain[0])
         if plain[1]:
-            shown = f"'{name}'" if sheet.header else name
             repairs.append(f"The cells of column {shown} bear the unit {plain[1]}.")
     if commas:
         repairs.append("Decimal commas were read as points.")

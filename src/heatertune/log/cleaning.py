@@ -19,7 +19,7 @@ from heatertune.log.columns import Columns, cell_error
 from heatertune.log.log_values import MIN_SAMPLES
 from heatertune.log.quantities import is_number, is_switch_word
 from heatertune.log.sheet import Sheet
-from heatertune.log.side_columns import quoted
+from heatertune.log.side_columns import is_measured, quoted
 from heatertune.units import count
 
 __all__ = [
@@ -125,9 +125,13 @@ def _put_back_repeats(steps: Array) -> str:
     even = np.mean(np.abs(steps - usual) <= 0.5 * usual) > _MOSTLY
     if usual <= 0.0 or not even or np.count_nonzero(steps < 0) > _FEW_TIMES:
         return ""
-    hour = abs(float(steps.min()) + _HOUR_S - usual) <= max(usual, 1.0)
-    reason = " by an hour (end of summer time)" if hour else ""
+    reason = " by an hour (end of summer time)" if _is_hour_back(steps, usual) else ""
     return f"; where the clock was put back{reason}, --log-interval {usual:g} counts the rows"
+
+
+def _is_hour_back(steps: Array, usual: float) -> bool:
+    """Return whether the clock was put back by an hour; the steps are of shape (n,) [s], the usual one in seconds."""
+    return abs(float(steps.min()) + _HOUR_S - usual) <= max(usual, 1.0)
 
 
 def _otherwise(sheet: Sheet, columns: Columns, dropped: Rows, firsts: Rows) -> list[int]:
@@ -247,7 +251,7 @@ def without_unset_clock(sheet: Sheet, time: Array, repairs: list[str]) -> tuple[
     """
     back = np.flatnonzero(np.abs(np.diff(time)) > _UNSET_S)
     first = int(back[0]) + 1 if len(back) == 1 else 0
-    if not 0 < first <= max(_FEW_STRAYS, _MOST_STRAYS * len(time)):
+    if not 0 < first <= max(_FEW_STRAYS, _MOST_LOST * len(time)):
         return sheet, time
     repairs.append(f"{count(first, 'row')} before the clock was set left out (up to line "
                    f"{sheet.line_name(first - 1)}).")
@@ -261,11 +265,17 @@ _MOST_BACK: Final = 5.0  # intervals by which a row may be late in its file
 def in_order(sheet: Sheet, time: Array, repairs: list[str]) -> tuple[Sheet, Array]:
     """Return sheet and times, shape (n,) [s], with the few rows put in order that were written behind a later one.
 
-    They are put back only where there is a gap for each of them: a clock that was put back leaves none.
+    They are put back only where there is a gap for each of them: a clock that was put back leaves none. A ring of rows
+    whose end is followed by its beginning begins with its oldest row, unless it may be the end of summer time.
     """
     steps = np.diff(time)
     back = np.flatnonzero(steps < 0.0)
     usual = float(np.median(steps)) if len(steps) else 0.0
+    if len(back) == 1 and 0.0 < time[0] - time[-1] <= _PAUSE_TIMES * usual and not _is_hour_back(steps, usual):
+        repairs.append(f"The file is a ring of rows; those from line {sheet.line_name(int(back[0]) + 1)} on are older "
+                       "and were put first.")
+        order = np.roll(np.arange(len(time)), -int(back[0]) - 1)
+        return sheet.at_rows(order), time[order] - time[order[0]]
     if not len(back) or usual <= 0.0 or len(back) > max(_FEW_STRAYS, _MOST_STRAYS * len(time)) or (
             steps.min() < -_MOST_BACK * usual):
         return sheet, time
@@ -364,8 +374,9 @@ def no_readings(
         row = int(np.flatnonzero(refused)[0])
         what = _FAR_VALUE if stuck[row] else "without a reading,"
         problem = f"{count(int(np.count_nonzero(refused)), 'row')} of {len(raw)} {what} the first:"
-        raise cell_error(sheet, columns, "temperature", row, problem, "a log with a reading in nine rows of ten" + (
-            " (--skip-empty leaves out those without one)" if np.any(refused & empty) else ""))
+        way = " (--skip-empty leaves out those without one)" if np.any(refused & empty) else _other_column(
+            sheet, columns)
+        raise cell_error(sheet, columns, "temperature", row, problem, f"a log with a reading in nine rows of ten{way}")
     spikes = np.zeros_like(lost)
     kept = np.flatnonzero(~(lost | edges))
     spikes[kept[_spikes(raw[kept])]] = True
@@ -381,6 +392,12 @@ def no_readings(
             rows = count(int(np.count_nonzero(mask)), "row")
             repairs.append(f"{rows} {what} left out ({_places(sheet, raw, mask)}).")
     return np.asarray(lost | spikes | ends)
+
+
+def _other_column(sheet: Sheet, columns: Columns) -> str:
+    """Return the option that reads the temperature from another measured column, "" if there is none."""
+    others = [i for i, cells in enumerate(sheet.columns) if i not in columns.index.values() and is_measured(cells)]
+    return f", or --temperature-column {quoted(sheet.names()[others[0]])}" if others else ""
 
 
 def _is_open(raw: Array) -> Mask:

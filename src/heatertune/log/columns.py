@@ -44,6 +44,7 @@ from heatertune.log.side_columns import (
 )
 from heatertune.log.timestamps import (
     STAMPS,
+    clocks_in_digits,
     duration_s,
     is_clock,
     is_date,
@@ -322,7 +323,7 @@ def numbers(
         columns: which column is what.
         role: what the column holds, a key of `columns`.
         expected: the expected content, for the error message.
-        blank: the expected content instead of an empty cell or a "no value" mark; None: `expected`.
+        blank: the expected content instead of a cell without a digit, which is then a hole, too; None: `expected`.
         holes: whether an empty cell or a "no value" mark becomes NaN instead of an error.
         lenient: whether a few other cells that are no finite numbers become NaN, too.
 
@@ -335,14 +336,15 @@ def numbers(
     usable = np.abs(values) < _BEYOND
     if usable.all():
         return values
-    empty = holes & cells.where(says_nothing)
+    is_blank = says_nothing if blank is None else _has_no_figure
+    empty = holes & cells.where(is_blank)
     strange = ~(usable | empty)
     if not strange.any() or (lenient and np.count_nonzero(strange) <= _MOST_TEXT * len(cells)):
         values[~usable] = np.nan
         return values
     row = int(np.flatnonzero(strange)[0])
     cell = cells[row]
-    if blank is not None and says_nothing(cell):
+    if blank is not None and is_blank(cell):
         expected = blank
     if is_number(cell) or _is_float(cell):
         expected = expected.replace("a number", f"a finite number below {_BEYOND:g}", 1)
@@ -350,6 +352,11 @@ def numbers(
     problem = "no number:" if cell else "an empty cell"
     raise cell_error(sheet, columns, role, row, "a unit that not all cells bear:" if is_quantity(cell) else problem,
                      expected)
+
+
+def _has_no_figure(cell: str) -> bool:
+    """Return whether a cell says that it holds nothing, or is a word."""
+    return says_nothing(cell) or not any(sign.isdigit() for sign in cell)
 
 
 def cell_error(sheet: Sheet, columns: Columns, role: str, row: int, problem: str, expected: str) -> LogError:
@@ -393,7 +400,8 @@ _EXPECTED_UNIT: Final = f"--time-unit {', '.join([*TIME_UNITS][:-1])} or {[*TIME
 _EPOCH: Final = 1e8  # beyond three years in seconds the numbers are a calendar's
 _THIS_CENTURY: Final = (946_684_800.0, 4_102_444_800.0)  # 2000 to 2100, in seconds since 1970
 _LONGEST_STEP_S: Final = 500.0  # of a calendar's seconds: a counter of milliseconds has longer ones after weeks
-_EPOCHS: Final = ((1e17, "ns", 1e-9), (1e14, "us", 1e-6), (1e11, "ms", 1e-3))  # 19, 16 and 13 digits since 1970
+#: 19, 18 (of Windows since 1601, or of .NET since the year 1), 16 and 13 digits
+_EPOCHS: Final = ((9.4e17, "ns", 1e-9), (1e17, "100 ns", 1e-7), (1e14, "us", 1e-6), (1e11, "ms", 1e-3))
 _UNEVEN: Final = 0.02
 _SHEET_DAYS: Final = (20_000.0, 80_000.0)  # days since 1900 as spreadsheets count them: 1954 to 2119
 
@@ -565,10 +573,14 @@ def _sixties(cell: str) -> float:
 
 def _from_numbers(sheet: Sheet, columns: Columns, unit: str | None, repairs: list[str]) -> LogSignal:
     values = numbers(sheet, columns, "time", f"a number or a time like {STAMPS}")
+    if unit is None and (clock_s := clocks_in_digits(values)) is not None:
+        repairs.append("The digits of the time are times of day and were converted to seconds.")
+        return LogSignal(past_midnight(clock_s - clock_s[0], repairs), "stamps", "stamps")
     named = columns.unit("time")
     epoch = next(((name, length) for least, name, length in _EPOCHS if values[0] > least), None)
     if unit is None and epoch is not None and named in (None, "ms", epoch[0]) and not columns.is_foreign("time"):
-        repairs.append(f"The time is in {epoch[0]} since 1970 by its digits and was counted from the first row.")
+        since = "1970" if epoch[0] in TIME_UNITS else "1601 or the year 1"
+        repairs.append(f"The time is in {epoch[0]} since {since} by its digits and was counted from the first row.")
         return LogSignal((values - values[0]) * epoch[1], epoch[0], epoch[0])
     if unit is None and (columns.is_foreign("time") or epoch is not None or _are_days(values, named)):
         raise cell_error(sheet, columns, "time", 0, "a time in an unknown unit:", _EXPECTED_UNIT)

@@ -24,7 +24,7 @@ from heatertune.log.sheet import CellColumn, Sheet
 from heatertune.units import count
 
 __all__ = [
-    "OnChange", "RestoredRows", "differs", "good_rows", "is_quality", "on_change", "spread",
+    "OnChange", "RestoredRows", "differs", "good_rows", "held_readings", "is_quality", "on_change", "spread",
     "without_blank_power",
 ]
 
@@ -206,6 +206,30 @@ def without_blank_power(sheet: Sheet, columns: Columns, time: Array, repairs: li
     if sheet.power_lines is not None:
         held = replace(held, power_lines=sheet.power_lines[last])
     return held, time[first:], (blank & edge)[first:]
+
+
+_SHORTEST_HOLD, _LONGEST_HOLD = 3, 60  # rows
+_AT_BEGIN: Final = 0.98  # share of the changes that occur where a row is written anew
+_CHANGED: Final = 0.6  # share of the rows written anew that differ from the one before
+
+
+def held_readings(readings: Array) -> Mask:
+    """Return which readings only hold the one before, shape (n,), where a device reads its sensor in every k-th row.
+
+    All changes are then k rows apart, or a multiple of it, and most readings of the sensor differ.
+
+    Args:
+        readings: shape (n,), NaN where there is none.
+    """
+    held = np.zeros(len(readings), dtype=np.bool_)
+    changes = np.flatnonzero(np.diff(readings) != 0.0) + 1
+    for length in range(_SHORTEST_HOLD, _LONGEST_HOLD + 1 if len(changes) >= _FEWEST else 0):
+        phases = np.bincount(changes % length, minlength=length)
+        begin = int(phases.argmax())
+        if phases[begin] > max(_AT_BEGIN * len(changes), _CHANGED * len(readings) / length):
+            held[begin:] = (np.arange(begin, len(readings)) - begin) % length != 0
+            held[1:begin] = True
+    return held
 
 
 def differs(cells: CellColumn) -> Mask:

@@ -23,7 +23,7 @@ from heatertune.log.timestamps import stamp
 __all__ = [
     "FORM_MARKS", "NOTHING", "ROLES", "group_mark", "is_foreign", "is_heated", "is_in_celsius", "is_number",
     "is_quantity", "is_scaled", "is_second_choice", "is_switch_word", "join_decimals", "on_or_off", "plain_name",
-    "plain_quantities", "role_of", "says_nothing", "unit_in_name", "usual_form",
+    "plain_quantities", "role_of", "says_nothing", "unit_in_name", "usual_form", "without_marks",
 ]
 
 
@@ -185,17 +185,20 @@ _FORMS: Final = str.maketrans(
     "０１２３４５６７８９٠١٢٣٤٥٦٧٨٩۰۱۲۳۴۵۶۷۸۹−–－．，’٫٬\u00a0\u202f\u2009",
     "012345678901234567890123456789---.,'.'   ")
 #: marks of a cell that may hold a number or a time in another form
-FORM_MARKS: Final = re.compile("['’=(\\[−–－０-９٠-٩۰-۹\u00a0\u202f\u2009]|\\d \\d{3}|\\d[dD][+-]?\\d")
+FORM_MARKS: Final = re.compile(
+    "['\"’=(\\[−–－０-９٠-٩۰-۹\u00a0\u202f\u2009]|\\d \\d{3}|\\d[dD][+-]?\\d|0[xX][0-9a-fA-F]")
 _WRAPPED: Final = re.compile(r"=?\"([^\"]*)\"|'([^']*)'?|\[([-\d./T:, ]+)\]")
 _ACCOUNTANTS: Final = re.compile(r"\((\d[\d., ']*)\)")
 _SPACED: Final = re.compile(r"([+-]?\d{1,3}(?:[ ']\d{3})+(?:[.,]\d+)?)( ?[^\d\s].*)?")
+_HEXADECIMAL: Final = re.compile(r"0[xX][0-9a-fA-F]{1,8}")
 _FORTRAN: Final = re.compile(r"([+-]?\d+\.?\d*)[dD]([+-]?\d+)")
 
 
 def usual_form(cell: str) -> str:
     """Return a cell with its number or time as other files write it.
 
-    Not ="20.5" as a spreadsheet keeps texts, '20.5', [10:00:00], (20.5) below zero, 1 007 and 1'007 in groups, 2.0D+01.
+    Not ="20.5" as a spreadsheet keeps texts, '20.5', [10:00:00], (20.5) below zero, 1 007 and 1'007 in groups,
+    2.0D+01, 0x00CC.
     """
     if FORM_MARKS.search(cell) is None:
         return cell
@@ -207,6 +210,8 @@ def usual_form(cell: str) -> str:
         text = found[1].replace(" ", "").replace("'", "") + (found[2] or "")
     elif found := _FORTRAN.fullmatch(text):
         text = f"{found[1]}E{found[2]}"
+    elif _HEXADECIMAL.fullmatch(text):
+        text = str(int(text, 16))
     return text if wrapped is not None or is_number(text) or is_quantity(text) or stamp(text) is not None else cell
 
 
@@ -247,7 +252,8 @@ def group_mark(cells: CellColumn, *, decimal_commas: bool | None = None) -> str:
 
 def _goes_on(cells: Sequence[str], mark: str, decimal_mark: str) -> bool:
     """Return whether numbers without a mark, up to 999, and those with it follow each other as thousands."""
-    figures = [found[0] for cell in cells if (found := re.match(r"[+-]?[\d.,]+", cell)) is not None]
+    like = re.compile(r"([+-]?[\d.,]+)" + re.escape(re.sub(r"[+-]?[\d.,]+", "", cells[0], count=1)))  # of one unit
+    figures = [found[1] for cell in cells if (found := like.fullmatch(cell)) is not None]
     if len(figures) < len(cells) or not any(mark not in figure for figure in figures):
         return False
     try:
@@ -334,6 +340,8 @@ def plain_quantities(
         cells = cells.map(lambda cell: cell.replace(mark, "") if _GROUPED[mark].fullmatch(cell) else cell)
         return plain_quantities(cells) or (cells, "", False)
     first = next((cell for cell in cells if not says_nothing(cell)), "")
+    if is_quantity(first) and (sized := _in_base_unit(cells)) is not None:
+        return (*sized, False)
     if not is_quantity(first) and not cells.holds(","):
         return None
     unit = _common_unit(cells.kinds()) if is_quantity(first) else ""
@@ -358,6 +366,44 @@ def plain_quantities(
     return cells.map(plain), unit.strip("°º") and unit, commas
 
 
+_MARKED: Final = re.compile(rf"({_FIGURE}) ?(?:[*!#?]|HH?|LL?)")
+_MARK: Final = re.compile(r"\d ?[*!#?HL]")
+
+
+def without_marks(cells: CellColumn) -> CellColumn | None:
+    """Return cells without the marks of limits behind some of their numbers, 52.1* and 20.4 L; None: there are none."""
+    if not cells.matches(_MARK):
+        return None
+    kinds = [cell for cell in cells.kinds() if not says_nothing(cell)]
+    marked = {cell: match[1] for cell in kinds if (match := _MARKED.fullmatch(cell)) is not None}
+    if len(marked) == len(kinds) or not all(cell in marked or is_number(cell) for cell in kinds):
+        return None
+    return cells.map(lambda cell: marked.get(cell, cell))
+
+
+#: unit → the one of its kind in which cells are read, and its size in that
+_SIZES: Final = {"W": ("W", 1.0), "kW": ("W", 1e3), "V": ("V", 1.0), "mV": ("V", 1e-3), "A": ("A", 1.0),
+                 "mA": ("A", 1e-3), "ms": ("s", 1e-3), "s": ("s", 1.0), "sec": ("s", 1.0), "min": ("s", 60.0),
+                 "h": ("s", 3600.0)}
+
+
+def _in_base_unit(cells: CellColumn) -> tuple[CellColumn, str] | None:
+    """Return numbers in one unit of cells whose units differ in size alone, 850 W and 1.2 kW; None of other cells."""
+    found = {cell: _QUANTITY.fullmatch(cell) for cell in cells.kinds() if not says_nothing(cell)}
+    units = {cell: "" if match is None else match[2] for cell, match in found.items()}
+    if len({*units.values()}) < _TWO or len({_SIZES.get(unit, (unit,))[0] for unit in units.values()}) > 1:
+        return None
+
+    def sized(cell: str) -> str:
+        match = found.get(cell)
+        return cell if match is None else f"{float(match[1].replace(',', '.')) * _SIZES[match[2]][1]:.12g}"
+
+    return cells.map(sized), _SIZES[next(iter(units.values()))][0]
+
+
+_TWO: Final = 2
+
+
 def _common_unit(kinds: Iterable[str]) -> str:
     """Return the unit of all cells that hold something, "" where they are not all alike."""
     unit = ""
@@ -377,6 +423,7 @@ _NEARLY_ALL: Final = 0.98
 _CLEARLY: Final = 0.5  # of the roughness of the next best
 _MOST_COLUMNS: Final = 12
 _MANY: Final = 20  # values
+_FIRST: Final = 5  # rows below the names
 
 
 def join_decimals(file: Path, rows: Grid, stated: str | None, repairs: list[str]) -> None:
@@ -399,6 +446,9 @@ def join_decimals(file: Path, rows: Grid, stated: str | None, repairs: list[str]
     names = max(words, key=lambda row: len({role_of(cell) for cell in row}), default=None)
     if names is None and any(len(row) == width and role_of(row[0]) for row in rows[:_SAMPLE]):
         return  # as many names as cells: the commas of numbers are quoted
+    begins = 0 if names is None else next(k for k, row in enumerate(rows, start=1) if row == names)
+    if stated is None and begins and all(len(row) == len(names or ()) for row in rows[begins:begins + _FIRST]):
+        return  # as many cells as names at first: later rows have a column more
     if stated is not None:
         columns = () if stated == "none" else _stated(file, stated, names)
     elif names is None:

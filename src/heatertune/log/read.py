@@ -57,7 +57,7 @@ from heatertune.log.log_values import (
     ReadSummary,
     built_in,
 )
-from heatertune.log.on_change import Mask, on_change, spread, without_blank_power
+from heatertune.log.on_change import Mask, differs, held_readings, on_change, spread, without_blank_power
 from heatertune.log.power_range import power_of, with_switch
 from heatertune.log.quantities import ROLES, is_scaled, on_or_off, says_nothing
 from heatertune.log.sheet import Sheet
@@ -240,10 +240,10 @@ def read_log(
     time = spread_instants(sheet, columns, time, repairs)
     sheet, time, edges = without_blank_power(sheet, columns, time, repairs)
     sheet, time, edges = without_unreadable_power(sheet, columns, time, edges, repairs)
-    raw, edges = _readings(sheet, columns, edges, skip_empty=asked.skip_empty)
+    raw, edges, held_rows = _readings(sheet, columns, edges, repairs, skip_empty=asked.skip_empty)
     kept, repeats = rows_to_keep(sheet, columns, time, repairs)
-    kept &= ~no_readings(sheet, columns, raw, time, repairs, moves=_power_moves(sheet, columns), edges=edges,
-                         skip_empty=asked.skip_empty)
+    kept &= ~(held_rows | no_readings(sheet, columns, raw, time, repairs, edges=edges, skip_empty=asked.skip_empty,
+                                      moves=_power_moves(sheet, columns)))
     raw *= asked.temperature_scale or 1.0
     unit = _temperature_unit(sheet, columns, asked, raw[kept & ~edges], repairs, doubts)
     setpoint, filled = _setpoint(sheet, columns, unit.unit, asked.temperature_scale or 1.0, repairs)
@@ -262,7 +262,7 @@ def read_log(
     taken = taken_of(
         table.name if table else display_name(Path(source).name), sheet, columns, tagged, signals=signals,
         stated=stated_units(asked), counts=RowCounts(
-            read=len(time), repeats=repeats, filled=filled + held, used=int(kept.sum())),
+            read=len(time), repeats=repeats, filled=filled + held, used=int((kept | held_rows).sum())),
         options={"sample_time_s": asked.sample_time_s, "run": chosen_run, "skip_empty": asked.skip_empty,
                  "errata": asked.errata, "skip_rows": max(asked.skip_rows, sheet.above),
                  "temperature_scale": asked.temperature_scale, "decimal_comma": asked.decimal_comma,
@@ -322,21 +322,31 @@ def _demand_no_sides(sheet: Sheet, wanted: Mapping[str, str | int], unused: Sequ
                            value=str(wanted[role]), expected="a table with a column for each")
 
 
-def _readings(sheet: Sheet, columns: Columns, edges: Mask, *, skip_empty: bool) -> tuple[Array, Mask]:
-    """Return the column of the temperature, NaN without a reading, and the rows between readings for a power alone.
+def _readings(
+    sheet: Sheet, columns: Columns, edges: Mask, repairs: list[str], *, skip_empty: bool
+) -> tuple[Array, Mask, Mask]:
+    """Return the column of the temperature, NaN without a reading, the rows for a power alone, and those for nothing.
+
+    The last hold the reading before, and no other power.
 
     Raises:
         LogError: as `numbers`: a cell without a reading that is neither such a row nor to be left out.
     """
     explained = bool(np.any(edges)) and bool(np.all(
         edges | ~sheet.columns[columns.index["temperature"]].where(says_nothing)))
-    raw = numbers(sheet, columns, "temperature", "a number (--skip-empty leaves out rows whose cell is empty)",
-                  holes=skip_empty or explained, blank="a number (--skip-empty leaves such rows out)", lenient=True)
+    raw = numbers(sheet, columns, "temperature", holes=skip_empty or explained,
+                  blank="a number (--skip-empty leaves such rows out)", lenient=True)
     known = np.flatnonzero(~np.isnan(raw))
     between = np.zeros(len(raw), dtype=np.bool_)
     if len(known):
         between[known[0]:known[-1]] = np.isnan(raw[known[0]:known[-1]])
-    return raw, edges & between
+    held = held_readings(raw)
+    if held.any():
+        repairs.append(f"The sensor is read in every {len(held) / np.count_nonzero(~held):.0f}th row; the rows between "
+                       "hold its reading.")
+    powered = np.zeros_like(held) if "power" not in columns.index else held & differs(
+        sheet.columns[columns.index["power"]])
+    return raw, (edges & between) | powered, held & ~powered
 
 
 def _power_moves(sheet: Sheet, columns: Columns) -> Mask | None:

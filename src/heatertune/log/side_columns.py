@@ -85,7 +85,7 @@ def demand_no_likely_power(sheet: Sheet, index: Mapping[str, int]) -> None:
         LogError: there is one, or several.
     """
     names = sheet.header or [""] * len(sheet.columns)
-    likely = [i for i, name in enumerate(names) if i not in index.values() and role_of(name) is None
+    likely = [i for i, name in enumerate(names) if i not in index.values() and role_of(name) in (None, "time")
               and likely_power(name, sheet.columns[i], in_percent=bool(
                   sheet.units and sheet.units[i] in ("%", "pct")))]
     if likely:

@@ -13,8 +13,9 @@ import numpy as np
 from heatertune.arrays import Array
 
 __all__ = [
-    "STAMPS", "duration_s", "has_zone", "is_clock", "is_date", "is_date_in_digits", "is_day_or_month", "is_day_or_year",
-    "is_hours_or_minutes", "month_first", "month_or_day_first", "past_hour", "past_midnight", "stamp", "year_turned",
+    "STAMPS", "clocks_in_digits", "duration_s", "has_zone", "is_clock", "is_date", "is_date_in_digits",
+    "is_day_or_month", "is_day_or_year", "is_hours_or_minutes", "month_first", "month_or_day_first", "past_hour",
+    "past_midnight", "stamp", "year_turned",
 ]
 
 
@@ -23,6 +24,7 @@ STAMPS: Final = "2026-03-01 10:00:00 (ISO 8601), 01.03.2026 10:00:00 or 10:00:00
 
 _DAY_FIRST = re.compile(r"(\d{1,2})([-./])(\d{1,2})\2(\d{4}|\d\d)(?:,?[ T]+(.+))?")
 _YEAR_FIRST = re.compile(r"(\d{4}) ?[-/.] ?(\d{1,2}) ?[-/.] ?(\d{1,2})(?:\.? *[-T:_ ] *(\S.*))?")
+_ORDINAL: Final = re.compile(r"(\d{4})-?([0-3]\d\d)[T ]+(\d.*)")  # the day of the year, ISO 8601
 _DIGITS = re.compile(r"((?:19|20)\d\d)([01]\d)([0-3]\d)[T_ ]?([0-2]\d)([0-5]\d)(?:([0-5]\d)(?:\.?(\d{1,6}))?)?")
 _CLOCK = re.compile(r"\d{1,2}:\d\d(:\d\d([.,:]\d+)?)?( ?[AaPp]\.?[Mm]\.?)?")
 _DOTTED_CLOCK = re.compile(r"(\d{1,2})\.(\d\d)\.(\d\d)(?!\d)")
@@ -101,6 +103,9 @@ def _moment(text: str) -> datetime | None:
     elif match := _DAY_FIRST.fullmatch(text):
         day, _, month, year, clock = match.groups()
         text = f"{year if len(year) == 4 else f'20{year}'}-{month:0>2}-{day:0>2}T{_clock(clock or '00:00')}"
+    elif match := _ORDINAL.fullmatch(text):
+        day_in_year = date(int(match[1]), 1, 1) + timedelta(days=int(match[2]) - 1)
+        text = f"{day_in_year}T{_clock(match[3])}"
     elif match := _YEAR_FIRST.fullmatch(text):
         year, month, day, clock = match.groups()
         text = f"{year}-{month:0>2}-{day:0>2}T{_clock(clock or '00:00')}"
@@ -184,6 +189,24 @@ def duration_s(cell: str) -> float | None:
 def is_date_in_digits(cell: str) -> bool:
     """Return whether a number can only be a date and a time of day, 20260314095800: no epoch has as many digits."""
     return len(cell) in (12, 14, 17) and _DIGITS.fullmatch(cell) is not None and stamp(cell) is not None
+
+
+def clocks_in_digits(values: Array) -> Array | None:
+    """Return times of day [s] in whole numbers, 95958 and 100000 for 9:59:58 and 10:00:00, shape (n,); None: none.
+
+    They pass a minute at least, and are evenly spaced only as such.
+    """
+    if len(values) < _FEWEST_CLOCKS or np.any(values % 1.0) or not 0.0 <= values.min() <= values.max() < _END_OF_DAY:
+        return None
+    hours, minutes, seconds = values // 10000, values // 100 % 100, values % 100
+    elapsed_s = 3600.0 * hours + 60.0 * minutes + seconds
+    uneven_s, uneven = np.ptp(np.percentile(np.diff([elapsed_s, values]), [1.0, 99.0], axis=1), axis=0)
+    return elapsed_s if max(minutes.max(), seconds.max()) < _SIXTY and uneven_s == 0.0 < uneven else None
+
+
+_FEWEST_CLOCKS: Final = 20
+_END_OF_DAY: Final = 240000.0
+_SIXTY: Final = 60.0
 
 
 def is_clock(cell: str) -> bool:

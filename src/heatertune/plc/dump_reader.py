@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -96,6 +97,8 @@ def _text(content: bytes, source: str) -> str | None:
     text = text_of(content)
     if text is None:
         return None
+    if not re.search(r"^(?!>[^>]|[> \t\r]*$)", text, re.MULTILINE):  # quoted in a forum
+        text = re.sub(r"^> ?", "", text, flags=re.MULTILINE)
     if len(text) > _LONGEST_TEXT:
         raise InputError(f"{source}: {len(text)} characters; expected one controller's, up to {_LONGEST_TEXT}")
     for number, line in lines_of(text):

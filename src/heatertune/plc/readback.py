@@ -216,7 +216,8 @@ _VALUE: Final = re.compile(
 _DURATION: Final = re.compile(
     r"(?:T|TIME|S5T)#(?:(\d+)d_?)?(?:(\d+)h_?)?(?:(\d+)m(?!s)_?)?(?:(\d+(?:\.\d+)?)s_?)?(?:(\d+)ms)?", re.IGNORECASE)
 _PARTS_S: Final = (86400.0, 3600.0, 60.0, 1.0, 0.001)
-_UNIT: Final = re.compile(r"\s*([^\s\d,;.)(\[\]]+)?")
+#: the unit of a number, in a table the cell after it
+_UNIT: Final = re.compile(r"\s*(?:\|\s*)?([^\s\d,;.)(\[\]|]+)?")
 #: what begins a parameter of another name
 _NEXT: Final = re.compile(r"[,;]\s*[^\W\d]|\b[^\W\d]\w*\s*:?=")
 #: a comma that may part thousands

@@ -21,8 +21,6 @@ _OPTION: Final = re.compile(r"--([a-z]+(?:-[a-z]+)*)(?: NAME(?: or N|\|N)?| LOW 
 _SENTENCES: Final = (
     (re.compile(r"--tag (.+?) --tag-column (.+?) to read"), r"the role zone for ‘\2’ to read"),
     (re.compile(r"\(--skip-empty leaves such rows out\)"), "(or tick that rows without a reading are left out)"),
-    (re.compile(r"\(--skip-empty leaves out rows whose cell is empty\)"),
-     "(or empty the cell, and tick that rows without a reading are left out)"),
     (re.compile(r"--power-full-scale with the reading at full power"), "the reading at full power"),
     (re.compile(r"\(--power-full-scale tells another reading at full power\)"), "(or another reading at full power)"),
     (re.compile(r"--power-full-scale would have to tell the reading"), "you would have to type the reading"),

@@ -115,7 +115,9 @@ def _scan(
 
 #: what the logger writes before a line, colours included
 _LOGGED: Final = re.compile(r"^(?:\x1b\[[\d;]*m)?(?:\[[^\]]*\])*(?:\x1b\[[\d;]*m)?:?\s*")
-_ENTRY: Final = re.compile(r"([A-Za-z_]+):\s*([^\s,#]+)\s*(?:#.*)?")
+_ENTRY: Final = re.compile(r"([A-Za-z_]+):\s*([\"']?)([^\s,#\"']+)\2\s*(?:#.*)?")
+#: entries between braces in one line
+_FLOW: Final = re.compile(r"\{\s*\w+:")
 _DUMPED: Final = re.compile(r"kp: ([^\s,]+), ki: ([^\s,]+), kd: ([^\s,]+)(?:, output samples: (\S+))?")
 _RULE: Final = re.compile(r"Rule '")
 _TIMES: Final = {"ms": 1.0, "s": 1000.0, "sec": 1000.0, "min": 60000.0}
@@ -139,7 +141,9 @@ def from_text(text: str, sample_time_s: float | None, source: str) -> ReadBack:
     demand_whole_lines(text, source)
     reader = _YamlReader(source, None if sample_time_s is None else round(1000.0 * sample_time_s))
     for line, content in lines_of(text):
-        reader.take(line, _LOGGED.sub("", content).strip())
+        plain = _LOGGED.sub("", content)
+        for part in re.split("[{},]", plain) if _FLOW.search(plain) else (plain,):
+            reader.take(line, part.strip())
     return reader.read()
 
 
@@ -161,7 +165,7 @@ class _YamlReader:
                 self._other(line, "output_averaging_samples", match[4] or "1")
             self._after_rule = False
         elif match := _ENTRY.fullmatch(content.removeprefix("- ")):
-            self._entry(line, match[1], match[2])
+            self._entry(line, match[1], match[3])
         elif content.removesuffix(":") in _REFUSED:
             self._other(line, content.removesuffix(":"), "")
 

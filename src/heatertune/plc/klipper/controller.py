@@ -181,7 +181,8 @@ _SAVED: Final = "#*#"
 _HEAD: Final = re.compile(r"\[\s*([^\]]*?)\s*\]")
 _LINE: Final = re.compile(r"([A-Za-z_]\w*)\s*[:=]\s*(.*?)")
 #: PID_CALIBRATE's own line; the unknown temperature before the colon is Kalico's
-_PRINTED: Final = re.compile(r"pid_Kp\s*=\s*(\S+)\s+pid_Ki\s*=\s*(\S+)\s+pid_Kd\s*=\s*(\S+)", re.IGNORECASE)
+_PRINTED: Final = re.compile(  # by PID_CALIBRATE, or as Kalico's SET_HEATER_PID
+    r"\b(?:pid_)?Kp\s*=\s*(\S+)\s+(?:pid_)?Ki\s*=\s*(\S+)\s+(?:pid_)?Kd\s*=\s*(\S+)", re.IGNORECASE)
 _NUMBER: Final = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 _BY_NAME: Final = {field.name.lower(): field for field in FIELDS}
 

@@ -224,7 +224,8 @@ def _of_heater(entries: Sequence[_Entry], source: str, heater: str) -> Iterator[
     """Yield the words of a heater, with the gains in comments where it has no others."""
     gains = [entry for entry in entries if entry.name in _GAINS]
     if not gains:
-        raise InputError(f"{source}: no gain of Marlin's; expected #define DEFAULT_Kp, M301 or the lines of M303")
+        raise InputError(f"{source}: no gain of Marlin's; expected #define DEFAULT_Kp, a line that begins with M301, "
+                         "or those of M303")
     its = [entry for entry in gains if UNKNOWN in (heater, entry.heater) or entry.heater == heater]
     if not its:
         raise InputError(f"{source}: gains of {_HEADS[gains[0].heater]}; expected those of {_HEADS[heater]}")
@@ -270,7 +271,7 @@ def _defined(name: str, value: str, line: int, source: str, *, is_comment: bool)
     if _OTHERS.fullmatch(name) and not is_comment:
         raise wrong(source, line, name, value, "one hot end: a list has several")
     word, heater = _DEFINED.get(name, ("", ""))
-    return [_Entry(word, value.strip("() "), line, heater, is_comment)] if word else []
+    return [_Entry(word, value.strip("() fF"), line, heater, is_comment)] if word else []
 
 
 def _m301(text: str, line: int, source: str) -> list[tuple[str, str]]:

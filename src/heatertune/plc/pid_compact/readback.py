@@ -52,11 +52,12 @@ _PATH: Final = re.compile(r'(?:"[^"\n]*"\s*\.\s*)?(?:(?:Retain|CtrlParams|Config
                           re.IGNORECASE)
 #: name on the parameter page, or in other programs → word
 _SHOWN: Final = {
-    **dict.fromkeys(("proportional gain", "Kp", "Proportionalverstärkung"), "Gain"),
+    **dict.fromkeys(("proportional gain", "Kp", "Proportionalverstärkung", "Gain proportionnel",
+                     "Ganancia proporcional"), "Gain"),
     **dict.fromkeys(("integral action time", "integration time", "integral time", "Tn", "Integrationszeit",
-                     "Nachstellzeit"), "Ti"),
+                     "Nachstellzeit", "Temps d'intégration", "Tiempo de integración"), "Ti"),
     **dict.fromkeys(("derivative action time", "derivative time", "Tv", "Differenzierzeit", "Differentiationszeit",
-                     "Vorhaltezeit"), "Td"),
+                     "Vorhaltezeit", "Temps de dérivation", "Tiempo derivativo"), "Td"),
     **dict.fromkeys(("derivative delay coefficient", "Koeffizient Differenzierverzug",
                      "Koeffizient Differentiationsverzug"), "TdFiltRatio"),
     **dict.fromkeys(("proportional action weighting", "Gewichtung P-Anteil", "Gewichtung Proportionalanteil"),
