@@ -185,7 +185,7 @@ def without_blank_power(sheet: Sheet, columns: Columns, time: Array, repairs: li
     Both are of shape (n,); rows before the first power are left out.
 
     Powers are held where the table has a value only where it changes: a written power never repeats the one before, and
-    a row without a temperature is there because power or setpoint change.
+    a row without a temperature is there because power or setpoint change. A single power in the first row stays.
     """
     blank = sheet.columns[columns.index["temperature"]].where(says_nothing)
     if "power" not in columns.index:
@@ -194,7 +194,7 @@ def without_blank_power(sheet: Sheet, columns: Columns, time: Array, repairs: li
     cells = sheet.columns[place]
     written = np.flatnonzero(~cells.where(says_nothing))
     sparse = 0 < len(written) < len(cells) and (sheet.other_file != "" or (
-        len(written) > 1 and _repeats(cells.at_rows(written)) <= _REPEATS * len(written)))
+        (len(written) > 1 or written[0] == 0) and _repeats(cells.at_rows(written)) <= _REPEATS * len(written)))
     if not sparse:
         return sheet, time, blank & differs(cells) if np.any(blank) else blank
     first = int(written[0])
