@@ -193,8 +193,8 @@ def without_blank_power(sheet: Sheet, columns: Columns, time: Array, repairs: li
     place = columns.index["power"]
     cells = sheet.columns[place]
     written = np.flatnonzero(~cells.where(says_nothing))
-    sparse = 0 < len(written) < len(cells) and (sheet.other_file != "" or (
-        (len(written) > 1 or written[0] == 0) and _repeats(cells.at_rows(written)) <= _REPEATS * len(written)))
+    sparse = 0 < len(written) < len(cells) and (
+        sheet.other_file != "" or _is_of_changes(cells.at_rows(written), int(written[0])))
     if not sparse:
         return sheet, time, blank & differs(cells) if np.any(blank) else blank
     first = int(written[0])
@@ -206,6 +206,11 @@ def without_blank_power(sheet: Sheet, columns: Columns, time: Array, repairs: li
     if sheet.power_lines is not None:
         held = replace(held, power_lines=sheet.power_lines[last])
     return held, time[first:], (blank & edge)[first:]
+
+
+def _is_of_changes(written: CellColumn, first: int) -> bool:
+    """Return whether written cells are changes; a single one is where `first`, the row of the first one, is 0."""
+    return (len(written) > 1 or first == 0) and _repeats(written) <= _REPEATS * len(written)
 
 
 def differs(cells: CellColumn) -> Mask:
