@@ -4,7 +4,7 @@
     python tests/bench/output_limits.py --kinds limited soft --first 100 --verbose
 
 Kinds: the output is limited below full power; it never reaches its limit; it has a least value; a bias is added; it has
-coarse steps; it changes slowly; the loop is closed long after the log begins, or a few rows; the log begins during the
+steps (5 %, 2 %, counts of a byte, a solid-state relay of twelve steps, four stages); it changes slowly; the loop is closed long after the log begins, or a few rows; the log begins during the
 heat-up; the proportional part acts on the
 reading alone; the controller has a derivative part; it reaches full power. Each log is fitted as it is: without the
 power nobody knows how much the largest output was, so nothing may be called identified that depends on it, and the
@@ -28,7 +28,11 @@ from heatertune.chain.stages import fit
 from heatertune.errors import HeatertuneError
 from heatertune.log.log_values import Log
 
-KINDS = ("limited", "soft", "least", "bias", "coarse", "slow", "late", "rows late", "begun", "on reading", "derivative", "full")
+_COUNT = 100.0 / 255.0  # of an output of a byte [%]
+#: kind → how far the output moves at once [%]
+STEPS = {"coarse": 5.0, "steps of 2 %": 2.0, "counts": _COUNT, "counts of 8": 8.0 * _COUNT, "counts of 16": 16.0 * _COUNT,
+         "stepper": 100.0 / 12.0, "stages": 25.0}
+KINDS = ("limited", "soft", "least", "bias", *STEPS, "slow", "late", "rows late", "begun", "on reading", "derivative", "full")
 _TOLERANCE = 0.03  # of a parameter: one lag by the half rule is no exact truth
 
 
@@ -66,8 +70,8 @@ def draw(kind, seed):
         given = min(limit, max(least, wanted))
         if given == wanted or (wanted - given) * error < 0.0:
             part += k * interval / ti * error
-        if kind == "coarse":
-            given = round(given / 5.0) * 5.0
+        if kind in STEPS:
+            given = min(round(given / STEPS[kind]) * STEPS[kind], limit)
         if kind == "slow":
             given = power + min(max(given - power, -2.0), 2.0)
         power = given if row * interval >= begins else 0.0

@@ -3,19 +3,26 @@
 Real logs are read where they lie beside the project, drawn ones come from `on_change.py`. Each is written again and fitted;
 the intervals have to meet those of the log as it was, and of a drawn heater hold the truth. By hand:
 
-    python -m tests.bench.thinning [COUNT] [FIRST]          so many drawn logs from a seed on; from the first seed on, the real ones too
+    python -m tests.bench.thinning real [WORD]              the real logs, or those with this word in their names
+    python -m tests.bench.thinning [COUNT] [FIRST]          so many drawn logs from a seed on
     python -m tests.bench.thinning accused [COUNT] [FIRST]  is a heater said to have stopped in drawn logs of means and late rows?
+
+Each outcome is printed when it is there. A fit of a real log ends after 90 s of processor time, as "no end".
 """
 
 from __future__ import annotations
 
+import os
+import pickle
 import random
+import resource
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -30,7 +37,17 @@ from heatertune.model.power.open_loop import PowerProblem
 from heatertune.model.power.regressors import Readings
 from tests.bench import on_change
 
-REAL = Path(__file__).parents[3] / "shared" / "data" / "logs" / "normalised"
+REAL = Path(__file__).parents[3] / "shared" / "data" / "logs"
+BOUND_S = 90  # processor time of a fit of a real log
+#: what the reader asks for of real logs, as their README and titles say
+READ: dict[str, dict[str, Any]] = {
+    "reaction_curve_semicolon_no_time": {"sample_time_s": 1.0},
+    "tclab_step_fahrenheit_millivolt": {"power_full_scale": 255.0, "temperature_unit": "degF"},
+    "tclab_step_kelvin_pwm255": {"temperature_unit": "K", "power_full_scale": 255.0},
+}
+#: what the fit asks for: of constant power, the temperature without it, that of the first row
+FIT: dict[str, dict[str, Any]] = {
+    "kantor_tclab_step2": {"ambient_degC": 21.54}, "kantor_tclab_step3": {"ambient_degC": 22.51}}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,12 +156,32 @@ def two_files(rows: Rows) -> list[str]:
 WRITERS: tuple[Callable[[Rows], list[str]], ...] = (plain, thinned, blanks, late, mean, mean_both, two_files)
 
 
-def fitted(texts: list[str], folder: Path) -> FittedModel:
-    """Return the heater of a log in one file, or in two."""
+def fitted(texts: list[str], folder: Path, **stated: Any) -> FittedModel:
+    """Return the heater of a log in one file, or in two; `stated` is known beside it."""
     files = [folder / name for name in ("log.csv", "power.csv")[:len(texts)]]
     for file, text in zip(files, texts, strict=True):
         file.write_text(text, encoding="utf-8")
-    return fit(read_log(files[0], power_full_scale=100.0, power_log=str(files[1]) if len(files) > 1 else None))
+    return fit(read_log(files[0], power_full_scale=100.0, power_log=str(files[1]) if len(files) > 1 else None), **stated)
+
+
+def bounded(call: Callable[[], FittedModel], seconds: int) -> FittedModel | str:
+    """Return what a call returns within so much processor time, in a process of its own; else why there is nothing."""
+    reader, writer = os.pipe()
+    child = os.fork()
+    if child == 0:
+        resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
+        try:
+            result: FittedModel | str = call()
+        except (HeatertuneError, TypeError) as problem:
+            result = f"refused: {problem}"
+        with os.fdopen(writer, "wb") as pipe:
+            pickle.dump(result, pipe)
+        os._exit(0)
+    os.close(writer)
+    with os.fdopen(reader, "rb") as pipe:
+        content = pipe.read()
+    os.waitpid(child, 0)
+    return pickle.loads(content) if content else f"no end: in {seconds} s of processor time"
 
 
 def apart(one: FittedModel, other: FittedModel, slack: dict[str, float]) -> list[str]:
@@ -165,43 +202,52 @@ def blocks(model: FittedModel) -> list[str]:
     return [finding.name for finding in model.findings if finding.kind.effect == "blocks"]
 
 
-def main(count: int, first: int, folder: Path) -> int:
-    tally = Counter[str]()
+def real_rows(word: str = "") -> Iterator[tuple[str, Rows, on_change.Case | None]]:
+    """Yield name and rows of the real logs that have a power, those with this word in their names."""
+    for path in sorted(REAL.rglob("*.csv")):
+        if word in path.stem:
+            log = read_log(path, **READ.get(path.stem, {}))
+            if log.power_pct is not None:
+                yield path.stem, rows_of(log), None
+
+
+def drawn_cases(count: int, first: int) -> Iterator[tuple[str, Rows, on_change.Case | None]]:
+    """Yield name, rows and heater of drawn logs."""
     rng = random.Random(7)
-    drawn = [(seed, on_change.drawn(rng)) for seed in range(first + count)][first:]
-    cases = [(f"drawn {seed}", drawn_rows(case, seed), case) for seed, case in drawn]
-    for path in sorted(REAL.glob("*.csv")) if first == 0 and REAL.is_dir() else []:
-        try:
-            log = read_log(path)
-        except HeatertuneError:
-            continue
-        if log.power_pct is not None:
-            cases.append((path.stem, rows_of(log), None))
+    for seed in range(first + count):
+        case = on_change.drawn(rng)
+        if seed >= first:
+            yield f"drawn {seed}", drawn_rows(case, seed), case
+
+
+def main(cases: Iterable[tuple[str, Rows, on_change.Case | None]], folder: Path) -> int:
+    """Print the outcome of each log in each of its ways; return how many heaters are wrong."""
+    tally = Counter[str]()
     for name, rows, case in cases:
         base = None
         for writer in WRITERS:
-            try:
-                model = fitted(writer(rows), folder)
-            except (HeatertuneError, TypeError) as problem:
-                tally[f"{writer.__name__}: refused"] += 1
-                print(f"{name} {writer.__name__} refused: {problem}", flush=True)
+            model = bounded(lambda: fitted(writer(rows), folder, **FIT.get(name, {})), BOUND_S)  # noqa: B023 - called at once
+            if isinstance(model, str):
+                tally[f"{writer.__name__}: {model.partition(':')[0]}"] += 1
+                print(f"{name} {writer.__name__} {model}", flush=True)
                 continue
             base = base or model
-            interval = float(np.median(np.diff(rows.time_s)))
-            slack = {"gain_degC_per_pct": 0.02 * abs(base.model.gain_degC_per_pct), "time_constant_s": 0.02 * base.model.time_constant_s,
-                     "dead_time_s": 0.1 * interval}
-            wrong = apart(base, model, slack)
-            if case is not None:
-                wrong += on_change.missed(case, model)
-            blocked = blocks(model)
-            outcome = "blocked" if blocked else "WRONG" if wrong else "right"
+            wrong = missed(case, rows, base, model)
+            outcome = "blocked" if blocks(model) else "WRONG" if wrong else "right"
             tally[f"{writer.__name__}: {outcome}"] += 1
-            if wrong or (blocked and not blocks(base)):
-                print(f"{name} {writer.__name__} {outcome}: {wrong} {blocked} L {model.model.dead_time_s:.4g} (as it was {base.model.dead_time_s:.4g})",
-                      flush=True)
+            print(f"{name} {writer.__name__} {outcome}: {wrong} {blocks(model)} (as it was {blocks(base)}), dead time "
+                  f"{model.model.dead_time_s:.4g} s (as it was {base.model.dead_time_s:.4g} s)", flush=True)
     for key, number in sorted(tally.items()):
         print(f"{key} {number}")
     return sum(number for key, number in tally.items() if key.endswith("WRONG"))
+
+
+def missed(case: on_change.Case | None, rows: Rows, base: FittedModel, model: FittedModel) -> list[str]:
+    """Return what is wrong of a fit: against that of the log as it was, and against the heater where it is known."""
+    interval = float(np.median(np.diff(rows.time_s)))
+    slack = {"gain_degC_per_pct": 0.02 * abs(base.model.gain_degC_per_pct), "time_constant_s": 0.02 * base.model.time_constant_s,
+             "dead_time_s": 0.1 * interval}
+    return apart(base, model, slack) + ([] if case is None else on_change.missed(case, model))
 
 
 def accused(count: int, first: int, folder: Path) -> int:
@@ -227,4 +273,6 @@ if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as made:
         if sys.argv[1:2] == ["accused"]:
             sys.exit(min(accused(int([*sys.argv, 100][2]), int([*sys.argv, 0, 0][3]), Path(made)), 1))
-        sys.exit(min(main(int([*sys.argv, 40][1]), int([*sys.argv, 0, 0][2]), Path(made)), 1))
+        if sys.argv[1:2] == ["real"]:
+            sys.exit(min(main(real_rows([*sys.argv, ""][2]), Path(made)), 1))
+        sys.exit(min(main(drawn_cases(int([*sys.argv, 40][1]), int([*sys.argv, 0, 0][2])), Path(made)), 1))

@@ -111,6 +111,16 @@ def test_a_power_in_a_row_of_its_own_keeps_its_instant_and_a_reading_that_does_n
     assert any("rows in which it stood were put back, 5 s apart" in told for told in log.repairs)
 
 
+@pytest.mark.parametrize("at", [0, 3])
+def test_a_single_power_is_held_where_it_stands_in_the_first_row(at):
+    text = "\n".join(["time_s,temp_C,power_pct", *(f"{t},{20 + 0.1 * t:.1f},{60 if t == at else ''}" for t in range(60))])
+    if at:
+        with pytest.raises(LogError, match="power_pct: an empty cell"):
+            rows_of(text)
+    else:
+        assert rows_of(text).power_pct.tolist() == [60.0] * 60
+
+
 def test_an_empty_power_of_a_log_at_an_interval_costs_its_row():
     rows = [f"{t},{20 + 0.1 * t:.1f},{'' if t == 30 else 60}" for t in range(60)]
     log = rows_of("\n".join(["time_s,temp_C,power_pct", *rows]))

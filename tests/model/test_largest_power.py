@@ -12,7 +12,9 @@ from heatertune.log import read_log
 from heatertune.log.log_values import Log
 from heatertune.model.fit import fit_known
 from heatertune.model.model_values import FitOutcome
+from heatertune.model.findings import KINDS
 from heatertune.model.temperature.closed_loop import Hypothesis, LogSegment
+from heatertune.model.temperature.fit_temperature import _power_remarks
 from heatertune.plc.s7_200_paper.step import LAWS
 
 
@@ -56,6 +58,15 @@ def test_the_largest_power_is_refused_where_the_power_is_known():
 def test_the_paper_s_tables_have_the_output_limit_of_its_program():
     # Table 2 of the paper: the pulse may be as long as the whole PWM period
     assert read_log("table3").output_limit_pct == read_log("table4").output_limit_pct == 100.0
+
+
+@pytest.mark.parametrize("name", ["table3", "table4"])
+def test_that_the_heater_got_what_the_paper_s_program_allows_is_an_assumption_of_the_verdict(name):
+    (remark,) = _power_remarks([read_log(name)], {}, None)
+    assert remark.finding == "output-limit"
+    assert "taken as 100 %" in remark.sentence
+    assert "does not show that the heater got it" in remark.sentence
+    assert KINDS[remark.finding].is_assumption
 
 
 @pytest.mark.long

@@ -185,7 +185,7 @@ def without_blank_power(sheet: Sheet, columns: Columns, time: Array, repairs: li
     Both are of shape (n,); rows before the first power are left out.
 
     Powers are held where the table has a value only where it changes: a written power never repeats the one before, and
-    a row without a temperature is there because power or setpoint change.
+    a row without a temperature is there because power or setpoint change. A single power in the first row stays.
     """
     blank = sheet.columns[columns.index["temperature"]].where(says_nothing)
     if "power" not in columns.index:
@@ -193,8 +193,8 @@ def without_blank_power(sheet: Sheet, columns: Columns, time: Array, repairs: li
     place = columns.index["power"]
     cells = sheet.columns[place]
     written = np.flatnonzero(~cells.where(says_nothing))
-    sparse = 0 < len(written) < len(cells) and (sheet.other_file != "" or (
-        len(written) > 1 and _repeats(cells.at_rows(written)) <= _REPEATS * len(written)))
+    sparse = 0 < len(written) < len(cells) and (
+        sheet.other_file != "" or _is_of_changes(cells.at_rows(written), int(written[0])))
     if not sparse:
         return sheet, time, blank & differs(cells) if np.any(blank) else blank
     first = int(written[0])
@@ -230,6 +230,11 @@ def held_readings(readings: Array) -> Mask:
             held[begin:] = (np.arange(begin, len(readings)) - begin) % length != 0
             held[1:begin] = True
     return held
+
+
+def _is_of_changes(written: CellColumn, first: int) -> bool:
+    """Return whether written cells are changes; a single one is where `first`, the row of the first one, is 0."""
+    return (len(written) > 1 or first == 0) and _repeats(written) <= _REPEATS * len(written)
 
 
 def differs(cells: CellColumn) -> Mask:

@@ -12,7 +12,7 @@ from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, islice
-from typing import Any, Final, overload
+from typing import Any, Final, TypeVar, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -23,6 +23,7 @@ __all__ = ["CellColumn", "Grid", "Sheet", "TextParts", "drain"]
 
 Mask = npt.NDArray[np.bool_]
 Rows = npt.NDArray[np.intp]
+Row = TypeVar("Row")
 
 _AT_ONCE: Final = 4096  # rows
 _MOST_KINDS: Final = 1 << 16
@@ -219,7 +220,7 @@ class _Writer:
         return CellColumn(TextParts("\n".join(self._parts), np.concatenate([[0], ends[:-1]]), ends - 1))
 
 
-def drain(rows: list[list[str]]) -> Iterator[list[str]]:
+def drain(rows: list[Row]) -> Iterator[Row]:
     """Yield all of a list, and leave it empty: what was yielded need not be held."""
     rows.reverse()
     while rows:

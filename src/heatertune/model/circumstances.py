@@ -29,7 +29,7 @@ from heatertune.units import check
 
 __all__ = [
     "DelaysKnown", "logged_range_degC", "pool_candidates", "reading_step_degC", "setpoint_of", "with_late_power",
-    "with_neighbours", "with_pwm_hidden", "without_neighbours",
+    "with_neighbours", "with_power_a_row_late", "with_pwm_hidden", "without_neighbours",
 ]
 
 
@@ -94,6 +94,22 @@ def with_late_power(
         ci95=fitted.ci95 if dead is None or dead.high is None else {
             **fitted.ci95, "dead_time_s": replace(dead, high=dead.high + _room(dead.high, late_s, most_s))},
     )
+
+
+def with_power_a_row_late(fitted: FittedModel, row_s: float) -> FittedModel:
+    """Return the fit of a log whose power column was taken as a row late; it may be late by less, as a mean is.
+
+    Args:
+        fitted: as if the power had changed a row before the one that shows it.
+        row_s: interval of the log's rows [s].
+    """
+    note = ("The temperature answers before the row that shows the power's change, so the power column was taken as a "
+            f"row late; the dead time may be shorter by {row_s:.3g} s; its interval and the plausible heaters hold it.")
+    shortest = min(fitted.candidates, key=_dead_time_s)
+    return replace(
+        fitted, notes=(*fitted.notes, note),
+        candidates=(*fitted.candidates, _later(shortest, -row_s, "dead time shorter by a row of the log")),
+        ci95={**fitted.ci95, "dead_time_s": _moved(fitted.ci95.get("dead_time_s"), row_s, 0.0)})
 
 
 def with_neighbours(fitted: FittedModel, *, alone: bool) -> FittedModel:

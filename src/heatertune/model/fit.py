@@ -11,16 +11,16 @@ import numpy as np
 
 from heatertune.errors import InputError, OutOfRange
 from heatertune.log.log_values import MOST_REPAIRED, Log
-from heatertune.model.circumstances import DelaysKnown, with_neighbours
+from heatertune.model.circumstances import DelaysKnown, with_neighbours, with_power_a_row_late
 from heatertune.model.diagnostics import Remark, findings_of, neighbour_findings, unit_findings
 from heatertune.model.disturbance import DisturbanceEffect, LossEffect
 from heatertune.model.findings import Finding
 from heatertune.model.model_values import FitOutcome, FittedModel, model_by_hand
 from heatertune.model.power.disturbance_fit import is_sensible
 from heatertune.model.power.explanation import Explanation, explain_log
-from heatertune.model.power.feedback import loop_remarks
+from heatertune.model.power.feedback import explains, follows_temperature, is_feedback, loop_remarks
 from heatertune.model.power.fit_logs import fit_logs, two_scales_of_logs
-from heatertune.model.power.fit_power import fit_extended, fit_power, weigh_fit
+from heatertune.model.power.fit_power import fit_extended, fit_power, share_remarks, weigh_fit
 from heatertune.model.power.known_controller import KnownController, compare, offset_degC, rate, records, replay_notes
 from heatertune.model.power.regressors import AMBIENT
 from heatertune.model.power.side_effects import cleared, fit_two_way, in_its_room, with_loss
@@ -460,22 +460,56 @@ def _fit_logged(
     believed: bool = False,
 ) -> FittedModel:
     """Return the fit of a log with power."""
-    explanation, notes = _explained(log, bounds, power_before_pct, delays, believed=believed)
+    explain = partial(_explained, log, bounds, power_before_pct, delays, believed=believed)
+    explanation, notes = explain()
     if explanation.extended:
         return fit_extended([explanation], explanation.extended)
+    row_s = float(np.median(np.diff(log.time_s)))
+    late = None if believed else _power_a_row_late(log, explanation, partial(explain, power_late_s=row_s))
+    explanation, notes = late or (explanation, notes)
     fitted = fit_power(explanation, weigh_fit(explanation, open_start=power_before_pct is None, seed=seed),
                        least_dead_time_s=delays.least_dead_time_s([log]), seed=seed)
-    return replace(fitted, notes=notes + fitted.notes)
+    fitted = replace(fitted, notes=notes + fitted.notes)
+    return fitted if late is None else with_power_a_row_late(fitted, row_s)
+
+
+def _power_a_row_late(
+    log: Log, explanation: Explanation, explain: Callable[[], tuple[Explanation, tuple[str, ...]]]
+) -> tuple[Explanation, tuple[str, ...]] | None:
+    """Return the explanation by a power column that is a row late, where a log else needs loads in its place."""
+    if not _answers_early(log, explanation):
+        return None
+    try:
+        late, notes = explain()
+    except InputError:
+        return None
+    if late.has_events or late.extended or _is_doubtful(log, late):
+        return None
+    explained = all(map(explains, late.problems, late.fits)) or late.bic < explanation.bic - _BEHIND
+    return (late, notes) if explained else None
+
+
+def _answers_early(log: Log, explanation: Explanation) -> bool:
+    """Return whether a log shows no dead time and loads that leave it open whether the power acts, without feedback."""
+    is_early = any("dead_time_s" in fit.on_bound for fit in explanation.fits)
+    return (is_early and explanation.has_events and _is_doubtful(log, explanation)
+            and not (is_feedback(log) or follows_temperature(log)))
+
+
+def _is_doubtful(log: Log, explanation: Explanation) -> bool:
+    """Return whether an explanation leaves it open that the power moves the temperature."""
+    return any(share_remarks(log.name, explanation.problems, explanation.fits, explanation.doubt))
 
 
 def _explained(
-    log: Log, bounds: Bounds | None, power_before_pct: float | None, delays: DelaysKnown, *, believed: bool = False
+    log: Log, bounds: Bounds | None, power_before_pct: float | None, delays: DelaysKnown, *, believed: bool = False,
+    power_late_s: float = 0.0,
 ) -> tuple[Explanation, tuple[str, ...]]:
     """Explain a log with power; a free ambient outside its interval is set to the nearest end."""
     ambient = _single(bounds)
     _demand_excitation(log, ambient)
     explain = partial(explain_log, log, power_before_pct=power_before_pct, believed=believed,
-                      most_dead_time_s=delays.dead_time_at_most_s)
+                      most_dead_time_s=delays.dead_time_at_most_s, power_late_s=power_late_s)
     explanation = explain(ambient_degC=ambient)
     if explanation.extended and bounds is None:
         return explanation, ()

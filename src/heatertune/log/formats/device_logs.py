@@ -6,6 +6,7 @@ import ast
 import csv
 import json
 import re
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -14,6 +15,7 @@ from typing import Final
 from heatertune.errors import LogError
 from heatertune.log.formats.format_table import FormatTable, Line, TextFormat, line_stamp, matching
 from heatertune.log.quantities import role_of
+from heatertune.log.sheet import drain
 from heatertune.units import count
 
 __all__ = ["DEVICE_LOGS", "PLANT_EXPORTS"]
@@ -175,17 +177,27 @@ _FIELD: Final = re.compile(rf"({_KEY})=({_FIELD_VALUE})")
 
 def _line_protocol(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
     """Return a long table of the fields; where there is one series, a field alone is the tag."""
-    points = [(number, found) for number, line in numbered if (found := _POINT.fullmatch(line)) is not None]
-    several = len({found[1] for _, found in points}) > 1
-    rows, lines = [], []
-    for number, found in points:
-        for name, value in _FIELD.findall(found[2]):
-            if not value.startswith('"'):
-                rows.append([found[3], f"{found[1]} {name}" if several else name, value.rstrip("iu")])
-                lines.append(number)
-    repairs = [f"Line protocol of InfluxDB: {count(len(points), 'point')} read, {len(numbered) - len(points)} other "
+    rows, lines, names = list[list[str]](), list[int](), dict[str, str]()
+    for number, series, name, value, instant in _fields_of_points(numbered):
+        names[tag := sys.intern(f"{series} {name}")] = name
+        rows.append([instant, tag, value])
+        lines.append(number)
+    for row in rows if len({tag.removesuffix(name) for tag, name in names.items()}) == 1 else ():
+        row[1] = names[row[1]]
+    points = len(set(lines))
+    repairs = [f"Line protocol of InfluxDB: {count(points, 'point')} read, {len(numbered) - points} other "
                "lines passed over."]
     return FormatTable(("time", "tag", "value"), rows, lines, repairs)
+
+
+def _fields_of_points(numbered: Sequence[Line]) -> Iterator[tuple[int, str, str, str, str]]:
+    """Yield line number, series, name, value and instant of each field that is no text."""
+    for number, line in numbered:
+        if (found := _POINT.fullmatch(line)) is not None:
+            series, fields, instant = found.groups()
+            for name, value in _FIELD.findall(fields):
+                if not value.startswith('"'):
+                    yield number, series, name, value.rstrip("iu"), instant
 
 
 def _artisan_csv(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
@@ -249,18 +261,17 @@ def _artisan_profile(path: Path, numbered: Sequence[Line], _: str | None) -> For
 
 def _json(path: Path, numbered: Sequence[Line], _: str | None) -> FormatTable:
     """Return the records of JSON as a table: one in each line, or the longest list of records in the whole text."""
-    records, lines, lost = _json_records(numbered)
-    flat = [dict(_flat(record)) for record in records]
+    flat, lines, lost = _json_records(numbered)
     names = _field_names(flat)
     if not names:
         raise LogError("JSON without records", file=path,
                        expected="an object with time and temperature in each line, or a list of such")
     left = f", {count(lost, 'line')} that are none left out" if lost else ""
-    notes = [f"JSON: {count(len(records), 'record')} read{left}."]
+    notes = [f"JSON: {count(len(flat), 'record')} read{left}."]
     if all("pidstats.out" in record and "runtime" in record for record in flat):
         names = _KILN_FIELDS
         notes.append("Its pidstats are kiln-controller's; the power is their out.")
-    rows = [[record.get(name, "") for name in names] for record in flat]
+    rows = [[record.get(name, "") for name in names] for record in drain(flat)]
     return FormatTable(tuple(names.values()), rows, lines, notes)
 
 
@@ -281,9 +292,9 @@ def _field_names(records: Sequence[Mapping[str, str]]) -> dict[str, str]:
     return {name: short for name, short in names.items() if role_of(short) is not None or _varies(records, name)}
 
 
-def _json_records(numbered: Sequence[Line]) -> tuple[list[_Record], list[int], int]:
-    """Return the records, the line of each, and how many lines hold none."""
-    records: list[_Record] = []
+def _json_records(numbered: Sequence[Line]) -> tuple[list[dict[str, str]], list[int], int]:
+    """Return name → cell of the records, the line of each, and how many lines hold none."""
+    records: list[dict[str, str]] = []
     lines: list[int] = []
     for number, line in numbered:
         try:
@@ -291,7 +302,7 @@ def _json_records(numbered: Sequence[Line]) -> tuple[list[_Record], list[int], i
         except (ValueError, RecursionError):
             continue
         if isinstance(record, dict):
-            records.append(record)
+            records.append(dict(_flat(record)))
             lines.append(number)
     if len(records) > len(numbered) / 2 and len(records) > 1:
         return records, lines, len(numbered) - len(records)
@@ -300,7 +311,7 @@ def _json_records(numbered: Sequence[Line]) -> tuple[list[_Record], list[int], i
     except (ValueError, RecursionError):
         return [], [], 0
     longest = max(lists, key=len, default=[])
-    return longest, list(range(1, len(longest) + 1)), 0
+    return list(map(dict, map(_flat, longest))), list(range(1, len(longest) + 1)), 0
 
 
 def _lists(value: object) -> Iterator[list[_Record]]:
@@ -318,7 +329,7 @@ def _flat(record: _Record, prefix: str = "") -> Iterator[tuple[str, str]]:
         if isinstance(value, dict):
             yield from _flat(value, f"{prefix}{name}.")
         elif not isinstance(value, list):
-            yield f"{prefix}{name}", _JSON_WORDS.get(str(value), str(value))
+            yield sys.intern(f"{prefix}{name}"), _JSON_WORDS.get(str(value), str(value))
 
 
 _JSON_WORDS: Final = {"None": "", "True": "true", "False": "false"}

@@ -162,14 +162,14 @@ def _reports(numbered: Sequence[Line]) -> tuple[dict[str, list[tuple[int, list[s
         if _REPORT.search(line) is None:
             continue
         sent = {letter + digit: int(value) for letter, digit, value in _SENT.findall(line)}
-        behind = {name: int(value) for name, value in _SMOOTHIE.findall(line)}
-        if (behind and not sent) or [*sent][:2] == ["B", ""] or max(sent.values(), default=0) > _MARLIN_FULL:
+        behind = {} if sent else {name: int(value) for name, value in _SMOOTHIE.findall(line)}
+        if behind or [*sent][:2] == ["B", ""] or max(sent.values(), default=0) > _MARLIN_FULL:
             full = _EIGHT_BITS_FULL
-        sent = sent or behind
+        sent, stamp = sent or behind, line_stamp(line)
         for name, degC, target in _PART.findall(line):
             power = sent.get(name, sent.get(name[1:], sent.get("") if name in ("T", "T0") else None))
             if power is not None:
-                heaters.setdefault(name, []).append((number, [line_stamp(line), name, degC, str(power), target]))
+                heaters.setdefault(name, []).append((number, [stamp, name, degC, str(power), target]))
     if "T0" in heaters:
         heaters.pop("T", None)  # the same hot end twice
     return heaters, full

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -348,6 +349,19 @@ def opening(problem: PowerProblem, way: Way | None = None) -> ChangePeriod | Non
         problem: of one lag.
         way: explanation by loads, if there is one.
     """
+    best = _best_opening(problem)
+    if best is None:
+        return None
+    period = _opening_period(best, problem.readings)
+    return period._replace(may_be_load=_may_be_load(best, period.best_s, way))
+
+
+@lru_cache(maxsize=1)
+def _best_opening(problem: PowerProblem) -> _Opened | None:
+    """Return the heater that stops responding and explains a log best, None where one that responds does as well.
+
+    The last one is kept: a log is asked for it before and after its loads are known.
+    """
     readings = replace(problem.readings, restart_s=np.empty(0))  # a heater that stops answering passes for a jump
     thin = replace(problem, drift=False, loads_s=(), two_lags=True, readings=readings).average(_OPEN_CIRCUIT_READINGS)
     tried = [opened for start in (thin, replace(thin, at_rest=True)) for share in _OPEN_PREFIXES
@@ -358,10 +372,7 @@ def opening(problem: PowerProblem, way: Way | None = None) -> ChangePeriod | Non
     record = thin.readings.temperature_degC
     always = [problem.fit() for problem in (thin, replace(thin, two_lags=False))]
     least = min((float(np.sum((record - fit.simulated_degC) ** 2)) for fit in always if fit.model), default=np.inf)
-    if best.squares >= _BETTER * least:
-        return None
-    period = _opening_period(best, problem.readings)
-    return period._replace(may_be_load=_may_be_load(best, period.best_s, way))
+    return best if best.squares < _BETTER * least else None
 
 
 def _may_be_load(opened: _Opened, instant_s: float, way: Way | None) -> bool:

@@ -351,6 +351,16 @@ class Explanation:
         return model
 
     @property
+    def bic(self) -> float:
+        """Criterion of the better of the two."""
+        return min(map(bic_of, self.problems, self.fits))
+
+    @property
+    def has_events(self) -> bool:
+        """Whether it needs a drift or loads."""
+        return self.problems[0].drift or bool(self.problems[0].loads_s)
+
+    @property
     def simulated_degC(self) -> Array:
         """Answer of one lag at every reading of the log, shape (n,)."""
         return self.at_readings(self.problems[0], self.fits[0])
@@ -372,7 +382,7 @@ class Explanation:
 
 def explain_log(
     log: Log, *, ambient_degC: float | None, power_before_pct: float | None, believed: bool = False,
-    most_dead_time_s: float | None = None,
+    most_dead_time_s: float | None = None, power_late_s: float = 0.0,
 ) -> Explanation:
     """Return one lag and two, each with the initial state, drift and loads that a log with power needs.
 
@@ -382,11 +392,13 @@ def explain_log(
         power_before_pct: power before the first reading [%], None: find it.
         believed: the power is known to be the heater's, so causality is not tested.
         most_dead_time_s: longest possible dead time, from the user [s].
+        power_late_s: how long before its row the power is taken to have changed [s].
 
     Raises:
         InputError: the power cannot have made the temperature (sign, clock, no answer at all).
     """
     readings = Readings.of(log)
+    readings = replace(readings, edge_s=readings.edge_s - power_late_s)
     problem = PowerProblem(readings=readings, ambient_degC=ambient_degC, power_before_pct=power_before_pct,
                            most_dead_time_s=most_dead_time_s)
     return _search(log, problem, believed=believed)
