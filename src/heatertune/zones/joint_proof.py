@@ -7,10 +7,9 @@ its heater stuck at full power; a restart of the PLC; zones started one after th
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from itertools import islice
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -19,7 +18,7 @@ import numpy.typing as npt
 from heatertune.arrays import Array
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.findings import KINDS, Finding, remedy_of
-from heatertune.plc import Scaling, controller_for
+from heatertune.plc import controller_for
 from heatertune.plc.open_points import settings_to_prove
 from heatertune.plc.pwm import Actuator, in_ticks
 from heatertune.plc.words import Certificate, Words
@@ -27,16 +26,17 @@ from heatertune.proof.criteria import LoopLimits
 from heatertune.proof.heaters import MAINS_POWERS, RESERVE_PCT
 from heatertune.proof.prove_words import actuator_for
 from heatertune.proof.ripple_and_wear import ripple_degC
-from heatertune.proof.specification import specification_of
+from heatertune.proof.specification import GENERAL, preset, specification_of
 from heatertune.proof.verdict import FitDiagnostics
 from heatertune.settings import Conditions
 from heatertune.units import check
 from heatertune.zones.identify import FittedNetwork
 from heatertune.zones.joint_loop import JointTrace, ZoneEvent, ZoneLoop, run_zones
-from heatertune.zones.joint_tuning import JOINT_MS, JointDesign, JointTuner
+from heatertune.zones.joint_tuning import JOINT_MS, JointDesign
 from heatertune.zones.network import ThermalNetwork
 
-__all__ = ["JointCriterion", "JointProof", "ZoneSpecification", "design_zones", "prove_zones"]
+__all__ = ["UNHELD", "JointCriterion", "JointProof", "ZoneSpecification", "offsets_for", "prove_zones",
+           "specification_for"]
 
 _DRAWN: Final = 6
 _STEP_DEGC: Final = 5.0
@@ -48,7 +48,7 @@ _BEYOND: Final = 1.1  # times the logged rise that a setpoint may be above the a
 _IDLE_PCT: Final = 1.0  # power that a zone needs at least to hold its setpoint
 _NOT_TESTED: Final = ("a sensor that breaks", "mains that change while the zones run", "a setpoint profile")
 #: criteria of the setpoints alone
-_UNHELD: Final = ("power to hold the setpoints [%]", "cooling that a zone would need [%]")
+UNHELD: Final = ("power to hold the setpoints [%]", "cooling that a zone would need [%]")
 _RIPPLE: Final = 0.2  # of the tolerance, peak to peak: so much is left to the PWM
 _COOLS: Final = 3.0  # time constants in which an overheated zone cools down
 _STEPS: Final = ("log a step of each zone's power, one after the other, each until all temperatures are steady, with "
@@ -58,7 +58,9 @@ _REMEDIES: Final = {
     "beyond-the-log": "log up to the setpoint, or choose setpoints that the log covers (--zone-setpoints)",
     **dict.fromkeys(("poor-fit", "unexplained-by-power", "contradicted"), _STEPS)}
 _ORDERS: Final = 100  # of the zones' pulses tried at random
-_ATTEMPTS: Final = 5  # designs that are proven, each detuned further, in all zones and then in one
+#: limits of a specification that runs of zones judge
+_JUDGED: Final = ("tolerance", "overshoot", "reheat-overshoot", "small-change-overshoot", "recovery-overshoot",
+                  "load-deviation", "ms")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -207,8 +209,9 @@ class JointProof:
         lines = [f"{self.verdict}: {len(zones)} zones together at "
                  f"{', '.join(f'{each:g}' for each in self.specification.setpoints_degC)} °C in {len(self.runs)} runs"]
         broken = sorted((each for each in self.criteria if not each.ok), key=lambda criterion: criterion.cause >= 0)
-        lines += [f"not kept: {each.name} {each.value:.4g}, limit {each.limit:.4g} ({each.where}{_allowing(broken)})"
-                  for each in broken]
+        lines += [f"not kept: {each.name} {each.value:.4g}, limit {each.limit:.4g} ({each.where})" for each in broken]
+        options = _allowing(broken)
+        lines += [f"to allow {'it' if len(broken) == 1 else 'them'}: {options}"] if options else []
         for each in self.blocking:
             remedy = _REMEDIES.get(each.name) or remedy_of(each.name, [])
             lines.append(f"not proven ({each.name}): {each.message}; {remedy}, or --accept {each.name}")
@@ -248,63 +251,30 @@ class _Phase(NamedTuple):
     idle: tuple[int, ...] = ()  # zones that are not judged
 
 
-def design_zones(
-    fitted: FittedNetwork, target: str, setpoints_degC: float | Sequence[float] | None = None, *,
-    scaling: Scaling | None = None, structure: str = "pi", conditions: Conditions | None = None,
-    specification: ZoneSpecification | None = None, sample_time_s: float | None = None,
-) -> JointProof:
-    """Tune all zones together and prove them; the first design that passes, else the one that comes nearest.
-
-    Args:
-        fitted: the network, see `heatertune.zones.fit_network` and `network_by_hand`.
-        target: the controller of all zones.
-        setpoints_degC: one for all zones or one for each; None: the last logged ones [°C].
-        scaling: sensor range; None: 0…100 °C.
-        structure: "pi" or "pid".
-        conditions: PWM, limits, accepted findings and known open points; None: the defaults.
-        specification: what the zones must keep; None: that of `conditions` at the setpoints.
-        sample_time_s: common interval of the controllers; None: found with the design [s].
-
-    Raises:
-        InputError: no setpoint is known, or no design is robust for all plausible networks.
-        OutOfRange, UnknownName, NotRepresentable: as `JointTuner` and `actuator_for`.
-    """
-    asked = conditions or Conditions()
-    spec = specification or specification_for(fitted, setpoints_degC, asked)
-    tuner = JointTuner(fitted, target, scaling=scaling, structure=structure, sample_time_s=sample_time_s)
-    prove = partial(prove_zones, fitted=fitted, specification=spec, conditions=asked)
-    proofs = list[JointProof]()
-    for design in islice(tuner.designs(), _ATTEMPTS):
-        proofs.append(prove(design, up_to_failure=True))
-        if proofs[-1].verdict != "FAIL":
-            return proofs[-1]
-        if any(each.name in _UNHELD and not each.ok for each in proofs[-1].criteria):
-            return prove(design)  # which no tuning mends
-    if not proofs:
-        raise InputError(f"no {structure} of {target} keeps Ms {JOINT_MS:g} on all plausible networks: log longer "
-                         "steps of each zone's power, which narrows the intervals")
-    proof = min(proofs, key=_strain)
-    for _ in range(_ATTEMPTS):  # all zones alike did not help: that alone which moves the others
-        cause = max(proof.criteria, key=lambda criterion: criterion.share).cause
-        slower = None if cause < 0 else tuner.slower(proof.design, cause)
-        if slower is None:
-            break
-        proof = prove(slower, up_to_failure=True)
-        if proof.verdict != "FAIL":
-            return proof
-        proofs.append(proof)
-    return prove(min(proofs, key=_strain).design)
+#: criterion → the option that allows what it measured, and its unit
+_OPTIONS: Final = {
+    _DEVIATION_NAME: ("--neighbour-deviation ", ""),
+    **dict.fromkeys(("offset at rest [°C]", "swing at rest [°C]", "error at rest [°C]"), ("--tolerance ", "")),
+    "overshoot [%]": ("--limit overshoot=", "%"),
+    "overshoot after a fault [%]": ("--limit reheat-overshoot=", "%"),
+    "overshoot after a load [%]": ("--limit recovery-overshoot=", "%")}
 
 
 def _allowing(broken: Sequence[JointCriterion]) -> str:
-    """Return the option that allows a neighbour's deviation; "" where that is not all that is broken."""
-    if [each.name for each in broken] != [_DEVIATION_NAME]:
+    """Return the options that allow what all broken criteria measured; "" where one of them has no option."""
+    if not broken or any(each.name not in _OPTIONS for each in broken):
         return ""
-    return f"; --neighbour-deviation {math.ceil(10.0 * broken[0].value + 1e-6) / 10.0:g} allows it"
+    most, units = dict[str, float](), dict(_OPTIONS.values())
+    for each in broken:
+        option, _ = _OPTIONS[each.name]
+        most[option] = max(most.get(option, 0.0), math.ceil(10.0 * each.value + 1e-6) / 10.0)
+    return " ".join(f"{option}{value:g}{units[option]}" for option, value in most.items())
 
 
-def _strain(proof: JointProof) -> float:
-    return max(each.share for each in proof.criteria)
+def _limits_not_judged(conditions: Conditions) -> list[str]:
+    """Return what a specification limits beyond the general one and no run of zones judges, a few words each."""
+    limits, general = specification_of(conditions).limits, preset(GENERAL).limits
+    return [f"the limit {name}" for name in sorted(limits) if name not in _JUDGED and limits[name] != general.get(name)]
 
 
 def specification_for(
@@ -376,7 +346,8 @@ def prove_zones(
     return JointProof(
         design=design, fitted=fitted, specification=specification, actuator=actuator, offsets_s=offsets,
         criteria=tuple(found), runs=tuple(runs), findings=(*fitted.findings, *_beyond_log(fitted, specification)),
-        accepted=tuple(asked.accept), not_tested=(*dict.fromkeys(prover.not_tested), *_NOT_TESTED),
+        accepted=tuple(asked.accept),
+        not_tested=(*dict.fromkeys(prover.not_tested), *_limits_not_judged(asked), *_NOT_TESTED),
         peak_heaters=peak.most, peak_kw=peak_kw, heaters_bound=peak.bound, bound_share=peak.share, trace=traces[0],
         settle_s=prover.settle_s, heat_s=max(prover.heat_s, 2.0 * prover.settle_s),
         switches=dict(asked.switches), conditions=asked)
@@ -480,13 +451,14 @@ class _Prover:
             held += f", zone {zone}: lower its setpoint{', or log longer steps of its power' if wide else ''}"
         criteria = [
             JointCriterion(name="largest singular value of S", value=design.joint_ms, limit=JOINT_MS, where=where),
-            JointCriterion(name="Ms of a zone alone", value=design.alone_ms, limit=JOINT_MS, where=where),
-            JointCriterion(name=_UNHELD[0], value=float(most), limit=100.0 - RESERVE_PCT,
+            JointCriterion(name="Ms of a zone alone", value=design.alone_ms, where=where,
+                           limit=min(JOINT_MS, self.specification.limits.ms or JOINT_MS)),
+            JointCriterion(name=UNHELD[0], value=float(most), limit=100.0 - RESERVE_PCT,
                            where=held)]
         if least < 0.0:
             zone = self.zones[int(np.argmin(min(powers_pct, key=np.min)))]
             criteria.append(JointCriterion(
-                name=_UNHELD[1], value=-float(least), limit=0.0,
+                name=UNHELD[1], value=-float(least), limit=0.0,
                 where=f"zone {zone}: its neighbours heat it beyond its setpoint; raise it, or lower theirs"))
         return criteria
 
@@ -639,23 +611,43 @@ class _Prover:
         yield make(name="error at rest [°C]", value=float(max(high[rest].max(), -low[rest].min())),
                    limit=limits.tolerance_degC)
         rise = max(float(self.setpoints[zone]) - network.ambients_degC[zone], 1.0)
-        over = 100.0 * float(high.max()) / rise
+        over = partial(_overshoot, make, rise)
         if phase.kind in ("heat-up", "restart", "started in turn"):
-            if limits.overshoot_pct is not None and (phase.zone in (-1, zone)):
-                yield make(name="overshoot [%]", value=over, limit=limits.overshoot_pct)
+            if phase.zone in (-1, zone):
+                yield from over("overshoot [%]", high, (limits.overshoot_pct, limits.overshoot_degC))
         elif phase.kind.startswith("after") and zone == phase.zone and "stuck" not in phase.kind:
-            if limits.reheat_overshoot_pct is not None:
-                yield make(name="overshoot after a fault [%]", value=over, limit=limits.reheat_overshoot_pct)
+            most = limits.reheat_overshoot_pct, limits.reheat_overshoot_degC
+            yield from over("overshoot after a fault [%]", high, most)
         elif phase.kind.startswith("setpoint") and zone != phase.zone:
             yield make(name=_DEVIATION_NAME, value=float(max(high.max(), -low.min())), cause=phase.zone,
                        limit=self.specification.deviation_limit_degC(phase.change_degC))
-        elif phase.kind == "setpoint change" and limits.small_change_overshoot_pct is not None:
-            yield make(name="overshoot of a setpoint change [°C]", value=float(high.max()), limit=max(
-                limits.small_change_overshoot_pct / 100.0 * phase.change_degC, limits.tolerance_degC))
-        elif phase.kind in ("load", "load gone") and limits.recovery_overshoot_pct is not None:
-            yield make(name="overshoot after a load [%]",
-                       value=100.0 * float((high if phase.kind == "load" else -low).max()) / rise,
-                       limit=limits.recovery_overshoot_pct)
+        elif phase.kind == "setpoint change":
+            most_degC = _tightest(
+                phase.change_degC, limits.small_change_overshoot_pct, limits.small_change_overshoot_degC)
+            if most_degC is not None:
+                yield make(name="overshoot of a setpoint change [°C]", value=float(high.max()),
+                           limit=max(most_degC, limits.tolerance_degC))
+        elif phase.kind in ("load", "load gone"):
+            sides = (high, -low) if phase.kind == "load" else (-low, high)
+            yield from over("overshoot after a load [%]", sides[0], (
+                limits.recovery_overshoot_pct, limits.recovery_overshoot_degC))
+            if limits.deviation_degC is not None and zone == phase.zone:
+                yield make(name="distance after a load [°C]", value=float(sides[1].max()), limit=limits.deviation_degC)
+
+
+def _tightest(whole_degC: float, most_pct: float | None, most_degC: float | None) -> float | None:
+    """Return the lower of two limits, one of them a share of a rise or change [°C]; None where there is none [°C]."""
+    limits = [] if most_pct is None else [most_pct / 100.0 * whole_degC]
+    return min([*limits, *([] if most_degC is None else [most_degC])], default=None)
+
+
+def _overshoot(
+    make: Callable[..., JointCriterion], rise_degC: float, name: str, beyond_degC: Array,
+    most: tuple[float | None, float | None],
+) -> Iterator[JointCriterion]:
+    """Yield an overshoot as a share of the rise, if it is limited, as a share of the rise or in °C."""
+    if (limit_degC := _tightest(rise_degC, *most)) is not None:
+        yield make(name=name, value=100.0 * float(beyond_degC.max()) / rise_degC, limit=100.0 * limit_degC / rise_degC)
 
 
 @dataclass(slots=True)
