@@ -19,8 +19,8 @@ from heatertune.proof.prove_words import actuator_for
 from heatertune.proof.specification import preset
 from heatertune.settings import Conditions
 from heatertune.zones import design_zones, network_by_hand
-from heatertune.zones.joint_loop import ZoneEvent, ZoneLoop, run_zones
-from heatertune.zones.joint_proof import offsets_for, prove_zones, specification_for
+from heatertune.zones.joint_loop import ZoneEvent, ZoneLoop, offsets_for, run_zones
+from heatertune.zones.joint_proof import prove_zones, specification_for
 from heatertune.zones.joint_tuning import (
     JointDesign,
     JointTuner,

@@ -13,7 +13,6 @@ from functools import partial
 from typing import Final, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from heatertune.arrays import Array
 from heatertune.errors import InputError, OutOfRange
@@ -31,12 +30,11 @@ from heatertune.proof.verdict import FitDiagnostics
 from heatertune.settings import Conditions
 from heatertune.units import check
 from heatertune.zones.identify import FittedNetwork
-from heatertune.zones.joint_loop import JointTrace, ZoneEvent, ZoneLoop, run_zones
+from heatertune.zones.joint_loop import JointTrace, ZoneEvent, ZoneLoop, offsets_for, run_zones, uncorrected_degC
 from heatertune.zones.joint_tuning import JOINT_MS, JointDesign
 from heatertune.zones.network import ThermalNetwork
 
-__all__ = ["UNHELD", "JointCriterion", "JointProof", "ZoneSpecification", "offsets_for", "prove_zones",
-           "specification_for"]
+__all__ = ["UNHELD", "JointCriterion", "JointProof", "ZoneSpecification", "prove_zones", "specification_for"]
 
 _DRAWN: Final = 6
 _STEP_DEGC: Final = 5.0
@@ -57,7 +55,6 @@ _STEPS: Final = ("log a step of each zone's power, one after the other, each unt
 _REMEDIES: Final = {
     "beyond-the-log": "log up to the setpoint, or choose setpoints that the log covers (--zone-setpoints)",
     **dict.fromkeys(("poor-fit", "unexplained-by-power", "contradicted"), _STEPS)}
-_ORDERS: Final = 100  # of the zones' pulses tried at random
 #: limits of a specification that runs of zones judge
 _JUDGED: Final = ("tolerance", "overshoot", "reheat-overshoot", "small-change-overshoot", "recovery-overshoot",
                   "load-deviation", "ms")
@@ -254,7 +251,8 @@ class _Phase(NamedTuple):
 #: criterion → the option that allows what it measured, and its unit
 _OPTIONS: Final = {
     _DEVIATION_NAME: ("--neighbour-deviation ", ""),
-    **dict.fromkeys(("offset at rest [°C]", "swing at rest [°C]", "error at rest [°C]"), ("--tolerance ", "")),
+    **dict.fromkeys(("offset at rest [°C]", "swing at rest [°C]", "error at rest [°C]",
+                     "error that no increment corrects [°C]"), ("--tolerance ", "")),
     "overshoot [%]": ("--limit overshoot=", "%"),
     "overshoot after a fault [%]": ("--limit reheat-overshoot=", "%"),
     "overshoot after a load [%]": ("--limit recovery-overshoot=", "%")}
@@ -328,6 +326,7 @@ def prove_zones(
         offsets = offsets_for(np.array([*likely, *held[1:]]), actuator.pwm_period_s, actuator.resolution_s)
     prover = _Prover(design, fitted, specification, ZoneLoop(words=design.words, actuator=actuator, offsets_s=offsets))
     criteria, traces, runs = prover.static(held), list[JointTrace](), list[str]()
+    criteria += prover.uncorrected(prover.settings(asked.switches))
     for label, run in prover.runs(networks, asked.switches):
         result, judged = run()
         criteria += [replace(each, where=f"{each.where}, {label}") for each in judged]
@@ -373,42 +372,6 @@ def _calm_actuator(
     return actuator
 
 
-def offsets_for(duties_pct: npt.ArrayLike, period_s: float, resolution_s: float) -> tuple[float, ...]:
-    """Return offsets of PWM periods with which as few heaters as can be are on at once.
-
-    Pulses that follow each other around the period need no more than ⌈Σ duty⌉ heaters at once. Of several such orders,
-    and of offsets spread evenly, those are taken with which other plausible duties need the fewest beyond that, too.
-
-    Args:
-        duties_pct: of each zone, in one row for each plausible case, the most likely one first, shape (m, n) [%].
-        period_s: of the PWM [s].
-        resolution_s: offsets are multiples of it [s].
-    """
-    shares = np.clip(np.atleast_2d(np.asarray(duties_pct, dtype=np.float64)), 0.0, 100.0) / 100.0
-    count, random = shares.shape[1], np.random.default_rng(1)
-    gap = (math.ceil(float(shares[0].sum())) - float(shares[0].sum())) / count  # room for duties that vary
-    best: tuple[tuple[int, int], Array] | None = None
-    for order in [np.arange(count), np.argsort(shares[0]), *(random.permutation(count) for _ in range(_ORDERS))]:
-        for width in (shares[0][order] + gap, shares[0][order], np.full(count, 1.0 / count)):
-            begins = np.empty(count)
-            begins[order] = np.concatenate([[0.0], np.cumsum(width)[:-1]]) % 1.0
-            begins = np.round(begins * period_s / resolution_s) * resolution_s / period_s % 1.0
-            beyond = [_most_at_once(begins, share) - math.ceil(float(share.sum()) - 1e-9) for share in shares]
-            rank = max(beyond[0], 0), int(np.sum(np.maximum(beyond, 0)))
-            if best is None or rank < best[0]:
-                best = rank, begins
-    assert best is not None
-    first = best[1][0]
-    return tuple(round(float((begin - first) % 1.0 * period_s / resolution_s)) * resolution_s % period_s
-                 for begin in best[1])
-
-
-def _most_at_once(begins: Array, shares: Array) -> int:
-    """Return how many pulses around a period overlap at most; each begins where another does not yet end."""
-    since = (begins[:, None] - begins) % 1.0  # at the begin of each pulse
-    return int(np.max(np.sum(since < shares - 1e-9, axis=1)))
-
-
 def _beyond_log(fitted: FittedNetwork, specification: ZoneSpecification) -> Iterator[Finding]:
     if fitted.highest_degC is None:
         return
@@ -431,6 +394,7 @@ class _Prover:
         self.zones, self.count = fitted.network.zones, len(fitted.network.zones)
         self.setpoints = np.array(specification.setpoints_degC)
         self.not_tested: list[str] = []
+        self._uncorrected: dict[tuple[tuple[str, str], ...], Array] = {}
         self.peak = _PeakPower()
         tight = max(max(network.dead_times_s) for _, network in fitted.draw(0))
         radius = min(max(design.radius, 1e-3), 1.0 - 1e-6)
@@ -439,6 +403,31 @@ class _Prover:
         integral = max(each.integral_time_s for each in design.designs)
         self.open_s = 2.0 * integral
         self.heat_s = 0.0  # the longest heat-up of a run
+
+    def settings(self, stated: Mapping[str, str]) -> list[dict[str, str]]:
+        """Return the settings of the open points that are proven, where some are known."""
+        return settings_to_prove(controller_for(self.design.words[0].target).switches, stated)
+
+    def uncorrected(self, settings: Sequence[Mapping[str, str]]) -> list[JointCriterion]:
+        """Return which error of a zone no increment of its controller corrects, the largest of each setting."""
+        found = []
+        for setting in settings:
+            errors = self._uncorrected_degC(setting)
+            zone = int(np.argmax(errors))
+            if errors[zone] > 0.0:
+                name = ", ".join(f"{name} = {value}" for name, value in setting.items()
+                                 if value != settings[0][name]) or "every setting"
+                found.append(JointCriterion(
+                    name="error that no increment corrects [°C]", value=float(errors[zone]),
+                    limit=self.specification.limits.tolerance_degC, where=f"zone {self.zones[zone]}, {name}"))
+        return found
+
+    def _uncorrected_degC(self, setting: Mapping[str, str]) -> Array:
+        """Return the largest error of each zone that its controller never corrects, shape (n,) [°C]."""
+        key = tuple(setting.items())
+        if key not in self._uncorrected:
+            self._uncorrected[key] = np.array([uncorrected_degC(words, setting) for words in self.design.words])
+        return self._uncorrected[key]
 
     def static(self, powers_pct: Sequence[Array]) -> list[JointCriterion]:
         """Return the criteria that need no run: margins, and the power that holds the setpoints."""
@@ -465,7 +454,7 @@ class _Prover:
     def runs(self, networks: Sequence[tuple[str, ThermalNetwork]], stated: Mapping[str, str]) -> Iterator[
             tuple[str, partial[tuple[JointTrace, list[JointCriterion]]]]]:
         """Yield label and run, the whole sequence on the best fit first."""
-        settings = settings_to_prove(controller_for(self.design.words[0].target).switches, stated)
+        settings = self.settings(stated)
         every = list(range(self.count))
         nominal = networks[0][1]
         yield networks[0][0], partial(self._in_use, nominal, settings[0], every, whole=True)
@@ -536,7 +525,7 @@ class _Prover:
         held = [phase for phase in phases if phase.kind in ("load gone", "setpoint back", "restart")]
         duties = np.clip(network.holding_pct(self.setpoints), 0.0, 100.0)
         self.peak.count(trace, held, self.loop.period_s, math.ceil(float(duties.sum()) / 100.0 - 1e-9))
-        return trace, self._judged(trace, network, phases)
+        return trace, self._judged(trace, network, phases, self._uncorrected_degC(switches))
 
     def _faults(
         self, network: ThermalNetwork, zone: int, now: float, events: list[ZoneEvent], phases: list[_Phase], *,
@@ -575,7 +564,7 @@ class _Prover:
         end = len(order) * each_s + self.settle_s
         phases.append(_Phase("all started", -1, end - self.settle_s, end))
         trace = run_zones(self.loop, network, events, end, switches=switches)
-        return trace, self._judged(trace, network, phases)
+        return trace, self._judged(trace, network, phases, self._uncorrected_degC(switches))
 
     def _can_hold(self, network: ThermalNetwork, zones: Sequence[int]) -> bool:
         """Return whether some zones hold their setpoints while the others get no power."""
@@ -586,7 +575,9 @@ class _Prover:
         power = np.linalg.solve(rise[np.ix_(chosen, chosen)], wanted[chosen])
         return bool(np.all(power <= 100.0 - RESERVE_PCT) and np.all(power >= _IDLE_PCT))
 
-    def _judged(self, trace: JointTrace, network: ThermalNetwork, phases: Sequence[_Phase]) -> list[JointCriterion]:
+    def _judged(
+        self, trace: JointTrace, network: ThermalNetwork, phases: Sequence[_Phase], uncorrected_degC: Array
+    ) -> list[JointCriterion]:
         found = [JointCriterion(name="overflows", value=float(trace.overflows), limit=0.0, where="all zones")]
         for phase in phases:
             inside = (trace.time_s >= phase.start_s) & (trace.time_s < phase.end_s)
@@ -594,13 +585,18 @@ class _Prover:
                 trace.temperatures_degC, trace.highest_degC, trace.lowest_degC))
             for zone in range(self.count):
                 if zone not in phase.idle:
-                    found += self._of_zone(phase, zone, (seen[:, zone], high[:, zone], low[:, zone]), network)
+                    found += self._of_zone(phase, zone, (seen[:, zone], high[:, zone], low[:, zone]), network,
+                                           float(uncorrected_degC[zone]))
         return found
 
     def _of_zone(
-        self, phase: _Phase, zone: int, errors: tuple[Array, Array, Array], network: ThermalNetwork
+        self, phase: _Phase, zone: int, errors: tuple[Array, Array, Array], network: ThermalNetwork,
+        uncorrected_degC: float,
     ) -> Iterator[JointCriterion]:
-        """Yield the criteria of a zone, of its distances at the scans and of the highest and lowest between them."""
+        """Yield the criteria of a zone, of its distances at the scans and of the highest and lowest between them.
+
+        A zone may begin a phase with any error that its controller does not correct, on either side.
+        """
         limits, name = self.specification.limits, self.zones[zone]
         seen, high, low = errors
         last, rest = seen[-max(len(seen) // 5, 2):], slice(-max(len(seen) // 5, 2), None)
@@ -619,7 +615,9 @@ class _Prover:
             most = limits.reheat_overshoot_pct, limits.reheat_overshoot_degC
             yield from over("overshoot after a fault [%]", high, most)
         elif phase.kind.startswith("setpoint") and zone != phase.zone:
-            yield make(name=_DEVIATION_NAME, value=float(max(high.max(), -low.min())), cause=phase.zone,
+            own = float(np.clip(seen[0], -uncorrected_degC, uncorrected_degC))
+            yield make(name=_DEVIATION_NAME, cause=phase.zone,
+                       value=float(max(high.max() - own, own - low.min())) + uncorrected_degC,
                        limit=self.specification.deviation_limit_degC(phase.change_degC))
         elif phase.kind == "setpoint change":
             most_degC = _tightest(
