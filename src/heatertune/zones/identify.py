@@ -48,6 +48,7 @@ _MOST_STEPS: Final = 40
 _CHANGES: Final = 60  # of a zone's power, the largest, whose instants are fitted
 _ROUNDS: Final = 3  # of that fit
 _COLDER: Final = 0.02  # exchange below 0 that cannot be the noise of a weak one
+_BELOW: Final = 0.4  # exchange below 0 that a fit may try, of all neighbours of a zone
 _LEAST_SHOWN: Final = 1e-14  # of a direction of the parameters, relative to what the log shows of each
 _NO_HEATER: Final = 1e3  # ratio of an end of an interval to the gain or lag, from which on nothing is known of it
 _KNOWN: Final = 10.0  # ratio of an end of a lag's interval to the lag, beyond which the log does not show it
@@ -501,7 +502,7 @@ class _NetworkProblem:
         dead = np.arange(layout.size) * layout.per_zone + 2
         values[dead] = np.clip(values[dead], -self.interval_s, self.longest_s)  # power logged up to a row late
         first = layout.size * layout.per_zone
-        values[first:] = np.maximum(values[first:], -0.4 / max(layout.size - 1, 1))
+        values[first:] = np.maximum(values[first:], -_most_below(layout))
         return values
 
     def jacobian(self, layout: ParameterLayout, values: Array) -> Array:
@@ -680,7 +681,19 @@ def _open_findings(fitted: FittedNetwork) -> Iterator[Finding]:
             if interval.high > _WIDE * interval.low:
                 yield Finding(name="unexplained-by-power", message=(
                     f"the log does not bound the {what} of zone {zone}: {interval.low:.3g} to {interval.high:.3g}"))
-    for name, interval in fitted.ci95.items():
-        if name.startswith("exchange") and interval.high is not None and interval.high < -_COLDER:
+    first = fitted.layout.size * fitted.layout.per_zone
+    for name, value in zip(fitted.couplings, fitted.values[first:], strict=True):
+        high = fitted.ci95[f"exchange {name}"].high
+        assert high is not None
+        if high < -_COLDER:
             yield Finding(name="contradicted", message=(
-                f"the {name} would be below 0 ({interval.high:.2g} at most), which no heat exchange is"))
+                f"the exchange {name} would be below 0 ({high:.2g} at most), which no heat exchange is"))
+        elif value <= -_most_below(fitted.layout) + _COLDER:
+            yield Finding(name="contradicted", message=(
+                f"the exchange {name} fits best at {value:.2g}, the end of its search, and none is below 0: the "
+                "log does not tell the zones apart"))
+
+
+def _most_below(layout: ParameterLayout) -> float:
+    """Return how far below 0 an exchange may be during a fit; the network does not run away with it."""
+    return _BELOW / max(layout.size - 1, 1)

@@ -58,7 +58,7 @@ def design_zones(
         if proofs[-1].verdict != "FAIL" or _is_unheld(proofs[-1]):
             break
         longer_s = controller_for(target).timer.round(factor * shortest_s)
-        proofs += _proofs_of(at_interval(sample_time_s=longer_s), prove)
+        proofs += _proofs_of(at_interval(sample_time_s=longer_s), partial(prove, first=proofs[-1].runs[-1]))
     best = proofs[-1] if proofs[-1].verdict != "FAIL" else min(proofs, key=_worst_share)
     return best if best.verdict != "FAIL" else prove(best.design)
 

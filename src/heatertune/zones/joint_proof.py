@@ -295,7 +295,7 @@ def specification_for(
 
 def prove_zones(
     design: JointDesign, fitted: FittedNetwork, specification: ZoneSpecification, conditions: Conditions | None = None,
-    *, up_to_failure: bool = False,
+    *, up_to_failure: bool = False, first: str = "",
 ) -> JointProof:
     """Run the words of all zones together, see this module.
 
@@ -305,6 +305,7 @@ def prove_zones(
         specification: what the zones must keep.
         conditions: PWM, accepted findings and known open points; None: the defaults.
         up_to_failure: end with the first run that breaks a limit.
+        first: label of a run that is tried before all others, as it breaks a limit of a similar design; "": none.
 
     Raises:
         InputError, OutOfRange, UnknownName: as `heatertune.zones.joint_loop.run_zones` and `actuator_for`.
@@ -327,7 +328,11 @@ def prove_zones(
     prover = _Prover(design, fitted, specification, ZoneLoop(words=design.words, actuator=actuator, offsets_s=offsets))
     criteria, traces, runs = prover.static(held), list[JointTrace](), list[str]()
     criteria += prover.uncorrected(prover.settings(asked.switches))
-    for label, run in prover.runs(networks, asked.switches):
+    unrun = len(criteria)
+    planned = list(prover.runs(networks, asked.switches))
+    for label, run in [*(pair for pair in planned[1:] if up_to_failure and pair[0] == first), *planned]:
+        if runs == [first]:  # it breaks nothing: as if it had not run
+            prover.peak, criteria, traces, runs = _PeakPower(), criteria[:unrun], [], []
         result, judged = run()
         criteria += [replace(each, where=f"{each.where}, {label}") for each in judged]
         runs.append(label)
