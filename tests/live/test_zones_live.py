@@ -322,41 +322,13 @@ def test_what_is_wrong_with_one_zone_is_told_of_it_alone(folder):
     warmer = 0.8 * (k > 300)  # a neighbour that heats b by as much less power as its controller gives: no frozen sensor
     assert watched(rest, -warmer / 1.2, warmer) == ["", ""]
     for degC, more_pct, told in ((rest, 8.0 * (k > 300), "the sensor is frozen"), (noise, 15.0 * (k > 400), "at rest, at first"),
-                                 (2.5 * np.sin(k / 1.5), rest, "swings by"), (15.0 * (k > 500), rest, "has risen from")):
+                                 (2.5 * np.sin(k / 1.5), rest, "swings by")):
         quiet, found = watched(degC, more_pct)
         assert told in found
         assert quiet == ""
-
-
-def test_a_frozen_sensor_a_swing_and_another_power_at_rest_are_told_of_their_zone(folder):
-    """Looks from an Euler integration of two zones in steps of 4 s; zone b is the one at fault."""
-    proven = read_proven_zones(folder)
-
-    def watched(seen, power, load=lambda _: 0.0):
-        watch, degC, matrix = ZonesWatch(proven), np.array(SETPOINTS), np.array([[-2.0, 1.0], [1.0, -2.0]])
-        for k in range(700):
-            powers = np.array(power(k, degC))
-            degC = degC + 4.0 / 240.0 * (22.0 + 1.2 * (powers - [0.0, load(k)]) + matrix @ degC)
-            shown = seen(k, degC)
-            watch.see(Snapshot(4.0 * k, {f"{zone} {role}": value for zone, *values in zip(
-                "ab", shown, SETPOINTS, powers, strict=True) for role, value in zip(
-                    ("temperature", "setpoint", "power"), values, strict=True)}))
-        return [" ".join(each.notes()) for each in watch.zones]
-
-    def held(k, degC, load=0.0):
-        return (NETWORK.holding_pct(SETPOINTS) + [0.0, load] - 2.0 * (degC - SETPOINTS)).clip(0.0, 100.0)
-
-    assert watched(lambda k, degC: degC.round(2), held) == ["", ""]
-    frozen = watched(lambda k, degC: (degC[0], 55.0), lambda k, degC: held(k, degC) + [0.0, 8.0 * (k > 300)])
-    assert "the sensor is frozen" in frozen[1]
-    assert "frozen" not in frozen[0]
-    drifted = watched(lambda k, degC: SETPOINTS, lambda k, degC: held(k, np.array(SETPOINTS), 15.0 * (k > 400)))
-    assert "at rest, at first" in drifted[1]
-    assert drifted[0] == ""
-    swinging = watched(lambda k, degC: (50.0, 55.0 + 2.5 * math.sin(k / 6.0)), held)
-    assert "swings by" in swinging[1]
-    rising = watched(lambda k, degC: (50.0, 55.0 + 8.0 * (k > 500)), held)
-    assert "has risen from" in rising[1]
+    quiet, found = watched(38.0 * (k > 500), rest)
+    assert "has risen from" in found
+    assert "the sensor is frozen" in quiet  # as so hot a neighbour would move it
 
 
 def test_the_command_shows_what_it_would_write_and_the_line_that_writes_it(serve, folder, capsys):

@@ -339,19 +339,19 @@ def _watch_zones(settings: argparse.Namespace, address: Address) -> int:
     return int(import_module("heatertune.live.commands.zone_commands").watch(settings, address))
 
 
-def unmoved_note(seen: WatchStats, window_s: float, so_far: RecordingState) -> str:
+def unmoved_note(stats: WatchStats, window_s: float, so_far: RecordingState) -> str:
     """Return that nothing is known, as nothing that was read has changed and no counter says that it is new.
 
     Args:
-        seen: by the watch.
+        stats: of the watch.
         window_s: how long a response takes [s].
         so_far: recorded.
     """
-    if so_far.interval_s is not None or so_far.tells_new or seen.readings == 0:
+    if so_far.interval_s is not None or so_far.tells_new or stats.readings == 0:
         return ""
-    if seen.still_s < min(seen.seconds, window_s):
+    if stats.still_s < min(stats.seconds, window_s):
         return ""
-    return (f"{_NOT_JUDGED}: nothing that was read has changed for {seen.still_s:.4g} s, and no counter is read: a CPU "
+    return (f"{_NOT_JUDGED}: nothing that was read has changed for {stats.still_s:.4g} s, and no counter is read: a CPU "
             "that stands, a frozen sensor and a loop at rest look the same. Watch for longer")
 
 

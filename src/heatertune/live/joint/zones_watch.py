@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -169,7 +169,7 @@ class ZoneWatchStats(WatchStats):
                 f"{100.0 * self.used:.0f} % of the proven band")
         return "; ".join([head, *self.notes()])
 
-    def to_document(self) -> dict[str, Any]:
+    def to_document(self) -> dict[str, object]:
         """Return it as JSON holds it."""
         return {"zone": self.zone, "well": self.well, **WatchStats.to_document(self)}
 
@@ -253,8 +253,7 @@ class ZonesWatch:
             zip(seen, asked, strict=True))]
         if all(usable):
             self._note_change(look, seen, asked)
-        for zone in range(len(self.zones)) if all(usable) else ():
-            self._note_sensor(zone, look.time_s, seen, powers[zone])
+            self._note_sensors(look.time_s, seen, powers)
         if not self._asked:
             return self._unusable_reason()
         found = [self._compare(zone, stats, look.time_s, seen[zone], powers[zone])
@@ -262,12 +261,12 @@ class ZonesWatch:
         alarms = (f"zone {each.zone}: {each.alarm or each.frozen}" for each in self.zones if each.alarm or each.frozen)
         return next(filter(None, found), next(alarms, self._unusable_reason()))
 
-    def _note_sensor(self, zone: int, time_s: float, temperatures_degC: Sequence[float], power_pct: float) -> None:
-        """Take note of a sensor that is frozen, and of a temperature that is too high or rises too fast."""
-        stats, sensor, degC = self.zones[zone], self._sensors[zone], temperatures_degC[zone]
-        stats.frozen = sensor.frozen(time_s, temperatures_degC, power_pct) or stats.frozen
-        rise = sensor.rise(time_s, degC)
-        stats.alarm = stats.alarm or highest_message(self._conditions, degC) or rise
+    def _note_sensors(self, time_s: float, temperatures_degC: Sequence[float], powers_pct: Sequence[float]) -> None:
+        """Take note of sensors that are frozen, and of temperatures that are too high or rise too fast."""
+        for stats, sensor, degC, power in zip(self.zones, self._sensors, temperatures_degC, powers_pct, strict=True):
+            stats.frozen = sensor.frozen(time_s, temperatures_degC, power) or stats.frozen
+            rise = sensor.rise(time_s, degC)
+            stats.alarm = stats.alarm or highest_message(self._conditions, degC) or rise
 
     def _note_change(self, look: Snapshot, readings: list[float], setpoints: list[float]) -> None:
         """Take note of where all zones are when a setpoint changes, and at the begin."""
