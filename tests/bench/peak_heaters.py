@@ -10,7 +10,7 @@ import sys
 
 import numpy as np
 
-from heatertune.zones.joint_proof import offsets_for
+from heatertune.zones.joint_loop import offsets_for
 
 ZONES, DUTY_PCT, PERIOD_S, TICK_S = 8, 45.0, 10.0, 0.1
 GAIN, LAG_S, DEAD_S, AMBIENT_DEGC, EXCHANGE = 1.0, 240.0, 12.0, 22.0, 0.5

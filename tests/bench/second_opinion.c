@@ -799,16 +799,23 @@ static void scan(Sim *s)
     }
 }
 
-static void pulse(Sim *s)
+/* how long a PWM period is on [s], with what the period before it left over and what is left now [s] */
+static double on_time(const Case *c, double asked_pct, double period, double *carried)
 {
-    const Case *c = s->c;
-    double period = (double)c->period * c->tick, wanted = s->asked_pct / 100.0 * period + s->carried;
+    double wanted = asked_pct / 100.0 * period + *carried;
     double on = c->resolution * floor(wanted / c->resolution + 0.5 + 1e-9), near = 1e-9;
     if (wanted < c->least_on - near || on < c->least_on - near || on < near)
         on = 0.0;
     else if (wanted > period - c->least_off + near || on > period - c->least_off + near || on > period - near)
         on = period;
-    s->carried = c->carries ? wanted - on : 0.0;
+    *carried = c->carries ? wanted - on : 0.0;
+    return on;
+}
+
+static void pulse(Sim *s)
+{
+    const Case *c = s->c;
+    double period = (double)c->period * c->tick, on = on_time(c, s->asked_pct, period, &s->carried);
     long double begin = pulse_at(s);
     s->j++;
     if (on > 0.0 && s->last_level == 0.0) send(s, begin, 1.0);

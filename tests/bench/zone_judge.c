@@ -35,13 +35,7 @@ static int turn(Zone *z, double due, double level)
 
 static int zone_pulse(const Case *c, Zone *z, double now, double dead, double period)
 {
-    double wanted = z->asked_pct / 100.0 * period + z->carried;
-    double on = c->resolution * floor(wanted / c->resolution + 0.5 + 1e-9), near = 1e-9;
-    if (wanted < c->least_on - near || on < c->least_on - near || on < near)
-        on = 0.0;
-    else if (wanted > period - c->least_off + near || on > period - c->least_off + near || on > period - near)
-        on = period;
-    z->carried = c->carries ? wanted - on : 0.0;
+    double on = on_time(c, z->asked_pct, period, &z->carried);
     if (on > 0.0 && turn(z, now + dead, 1.0)) return 1;
     return on < period && turn(z, now + on + dead, 0.0);
 }

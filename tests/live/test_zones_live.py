@@ -304,6 +304,33 @@ def test_a_swing_of_all_zones_is_outside_the_limits_of_the_proof(folder):
     assert watched(lambda t: (22.0 + 28.0 * -math.expm1(-t / 60.0), 22.0 + 33.0 * -math.expm1(-t / 60.0))) == [True, True]
 
 
+def test_what_is_wrong_with_one_zone_is_told_of_it_alone(folder):
+    """Courses of zone b in 700 scans of 4 s: at rest, frozen, drifted, swinging, jumping; zone a holds its setpoint."""
+    proven, k = read_proven_zones(folder), np.arange(700)
+    held, rest = NETWORK.holding_pct(SETPOINTS), np.zeros(700)
+
+    def watched(degC, more_pct, at_a=rest):
+        watch = ZonesWatch(proven)
+        for scan in range(700):
+            watch.see(Snapshot(4.0 * scan, {
+                "a temperature": SETPOINTS[0] + at_a[scan], "a setpoint": SETPOINTS[0], "a power": held[0],
+                "b temperature": SETPOINTS[1] + degC[scan], "b setpoint": SETPOINTS[1], "b power": held[1] + more_pct[scan]}))
+        return [" ".join(each.notes()) for each in watch.zones]
+
+    noise = np.random.default_rng(1).normal(0.0, 0.02, 700).round(2)
+    assert watched(noise, rest) == ["", ""]
+    warmer = 0.8 * (k > 300)  # a neighbour that heats b by as much less power as its controller gives: no frozen sensor
+    assert watched(rest, -warmer / 1.2, warmer) == ["", ""]
+    for degC, more_pct, told in ((rest, 8.0 * (k > 300), "the sensor is frozen"), (noise, 15.0 * (k > 400), "at rest, at first"),
+                                 (2.5 * np.sin(k / 1.5), rest, "swings by")):
+        quiet, found = watched(degC, more_pct)
+        assert told in found
+        assert quiet == ""
+    quiet, found = watched(38.0 * (k > 500), rest)
+    assert "has risen from" in found
+    assert "the sensor is frozen" in quiet  # as so hot a neighbour would move it
+
+
 def test_the_command_shows_what_it_would_write_and_the_line_that_writes_it(serve, folder, capsys):
     served = serve()
     set_gains(served, 4.0, 4.5)

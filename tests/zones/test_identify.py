@@ -247,3 +247,32 @@ def test_powers_of_other_zones_are_named():
 
 def test_a_zone_that_is_a_cooler_is_named_with_the_option_that_designs_it():
     assert "the power of zone 'b' cools it" in " ".join(_misread([0, 1, 2], (1.0, -1.0, 1.0)))
+
+
+@pytest.mark.parametrize(("from_row", "hides"), [(0, True), (525, False)])
+def test_a_gap_that_hides_what_the_power_did_is_named_with_the_part_that_is_explained(from_row, hides):
+    network, course = chain(2, 1.0), steps(2, 7000)
+    course[2025:2075, 1] += 30.0
+    instants, readings, powers = logged(network, course, 1.0, 4, np.random.default_rng(4), 0.03)
+    kept = ((instants <= 2000.0) | (instants >= 2100.0)) & (np.arange(len(instants)) >= from_row)
+    log = ZoneLog(name="gap", zones=network.zones, time_s=instants[kept], temperatures_degC=readings[kept],
+                  powers_pct=powers[kept])
+    fitted = fit_network(log)
+    assert [each.name for each in fitted.findings][:1] == ["gap-hides-power"] * hides
+    if hides:
+        assert "from 2000 to 2100 s" in fitted.findings[0].message
+        assert "--from 2100" in fitted.findings[0].message
+    else:
+        assert np.all(np.abs(np.array(fitted.network.gains_degC_per_pct) / 1.2 - 1.0) < 0.02)
+
+
+def test_a_change_of_power_within_a_gap_is_timed():
+    network, course = chain(2, 1.0), steps(2, 7000)
+    course[2030:2900, 1] += 25.0
+    instants, readings, powers = logged(network, course, 1.0, 4, np.random.default_rng(5), 0.03)
+    kept = (instants <= 2000.0) | (instants >= 2100.0)
+    fitted = fit_network(ZoneLog(name="gap", zones=network.zones, time_s=instants[kept], temperatures_degC=readings[kept],
+                                 powers_pct=powers[kept]))
+    assert not fitted.findings
+    assert np.all(np.abs(np.array(fitted.network.gains_degC_per_pct) / 1.2 - 1.0) < 0.01)
+    assert np.all(np.abs(np.array(fitted.network.time_constants_s) / 240.0 - 1.0) < 0.02)

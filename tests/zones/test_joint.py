@@ -19,8 +19,8 @@ from heatertune.proof.prove_words import actuator_for
 from heatertune.proof.specification import preset
 from heatertune.settings import Conditions
 from heatertune.zones import design_zones, network_by_hand
-from heatertune.zones.joint_loop import ZoneEvent, ZoneLoop, run_zones
-from heatertune.zones.joint_proof import offsets_for, prove_zones, specification_for
+from heatertune.zones.joint_loop import ZoneEvent, ZoneLoop, offsets_for, run_zones, uncorrected_degC
+from heatertune.zones.joint_proof import prove_zones, specification_for
 from heatertune.zones.joint_tuning import (
     JointDesign,
     JointTuner,
@@ -286,3 +286,29 @@ def test_the_pwm_period_is_short_where_the_ripple_would_be_large():
 def test_general_limits_are_used():
     fitted = network_by_hand(chain(2, 1.0))
     assert specification_for(fitted, 60.0, Conditions()).limits == preset("general").limits_for(252.0)
+
+
+@pytest.mark.parametrize(("whole", "counts"), [(True, 2), (False, 0)])
+def test_an_error_whose_increment_is_below_one_stays(whole, counts):
+    """K·TI of 0.4 moves the output by 0.4 for a count of error: whole increments leave two counts, remainders none."""
+    words = separate((8.0,), (80.0,), "s5-ob251", 3.2).words[0]
+    gain = words.values["K"] / 1024.0
+    words = replace(words, values={**words.values, "TI": round(0.4 / gain * 1024.0)})
+    setting = {"rounding": "whole_increments"} if whole else {}
+    assert uncorrected_degC(words, setting) == pytest.approx(counts * 100.0 / 2047.0)
+    assert uncorrected_degC(separate((8.0,), (80.0,)).words[0], {}) == 0.0  # REAL
+
+
+def test_a_limit_in_degrees_counts_and_one_that_no_run_judges_is_named():
+    network, design = chain(2, 1.0), separate((9.0,) * 2, (40.0,) * 2)
+    fitted, worst = network_by_hand(network), {}
+    for limit in ("overshoot=60%", "overshoot=0.01degC", "load-deviation=0.01degC"):
+        conditions = Conditions(limit=(limit, "switchings=10/h"))
+        proof = prove_zones(design, fitted, specification_for(fitted, 60.0, conditions), conditions, up_to_failure=True)
+        worst[limit] = {each.name: each for each in proof.criteria}
+        assert "the limit switchings" in proof.not_tested
+    assert worst["overshoot=60%"]["overshoot [%]"].ok
+    tight = worst["overshoot=0.01degC"]["overshoot [%]"]
+    assert tight.limit == pytest.approx(100.0 * 0.01 / 38.0)
+    assert tight.value == worst["overshoot=60%"]["overshoot [%]"].value or not tight.ok
+    assert not worst["load-deviation=0.01degC"]["distance after a load [°C]"].ok

@@ -33,7 +33,7 @@ from heatertune.supervision.monitor import ALARMS, Numbers, cold, in_a_row, rest
 from heatertune.supervision.monitor_design import SupervisionView
 from heatertune.units import count
 
-__all__ = ["Alarm", "BandWatch", "OnlineMonitor", "WatchStats", "others_there"]
+__all__ = ["Alarm", "BandWatch", "OnlineMonitor", "RestWatch", "StillTime", "WatchStats", "others_there"]
 
 
 _ONLINE_MONITOR_IN_A_ROW: Final = 3  # scans that may be missed
@@ -173,6 +173,7 @@ class WatchStats:
         outside: stretches outside of the band: from, until [s of the log].
         swing: how far it swings now, and how often [°C, s]; None: it does not, or it is too early to say.
         rest_pct: power at rest, first and now [%]; None: it has not rested yet.
+        least_drift_pct: a smaller change of the power at rest is no drift [%].
         band: lowest and highest proven now [°C].
         used: the largest share of the band's half width that a reading took.
         unusable: readings that are none: not a number, or not within the sensor's range.
@@ -195,14 +196,15 @@ class WatchStats:
     outside: list[tuple[float, float]] = field(default_factory=list)
     swing: tuple[float, float] | None = None
     rest_pct: tuple[float, float] | None = None
+    least_drift_pct: float = 0.0
     band: tuple[float, float] | None = None
     used: float = 0.0
 
     @property
     def well(self) -> bool:
-        """Whether nothing has to be told."""
-        return not self.outside and self.swing is None and not self.has_drifted and not self.frozen and (
-            not self.alarm and self.usable)
+        """Whether nothing has to be told, and at least one reading was compared."""
+        return self.readings > 0 and not self.outside and self.swing is None and not self.has_drifted and (
+            not self.frozen and not self.alarm and self.usable)
 
     @property
     def usable(self) -> bool:
@@ -212,7 +214,8 @@ class WatchStats:
     @property
     def has_drifted(self) -> bool:
         """Whether it needs another power at the same setpoint than it did."""
-        return self.rest_pct is not None and abs(self.rest_pct[1] - self.rest_pct[0]) > _DRIFT * self.rest_pct[0]
+        return self.rest_pct is not None and abs(self.rest_pct[1] - self.rest_pct[0]) > max(
+            _DRIFT * self.rest_pct[0], self.least_drift_pct)
 
     def notes(self) -> tuple[str, ...]:
         """Return what has to be told, one sentence each."""
@@ -234,98 +237,51 @@ class WatchStats:
                 "swing": None if self.swing is None else dict(zip(("degC", "every_s"), self.swing, strict=True)),
                 "rest_pct": self.rest_pct, "largest_share_of_band": self.used, "messages": list(self.notes())}
 
+    def compare(self, degC: float, band: tuple[float, float]) -> bool:
+        """Compare a reading with the band of the moment, lowest and highest [°C]; return whether it is within."""
+        low, high = self.band = band
+        share = abs(2.0 * degC - low - high) / (high - low)
+        self.readings, self.used = self.readings + 1, max(self.used, share)
+        return share <= 1.0
 
-class BandWatch:
-    """Takes looks in their order; `seen` says what they show."""
+    def note_outside(self, time_s: float, apart_s: float) -> None:
+        """Take note of a reading outside the band; it belongs to the stretch that ended less than `apart_s` before."""
+        if self.outside and time_s - self.outside[-1][1] < apart_s:
+            self.outside[-1] = self.outside[-1][0], time_s
+        else:
+            self.outside.append((time_s, time_s))
 
-    def __init__(self, proven: ProvenWords) -> None:
-        """Hold looks against a proof."""
-        heaters = [model for _, model in labelled_heaters(proven.fitted_model)]
-        self._sensor_degC = proven.words.scaling.sensor_degC
-        self._still, self._rise = StillSensor(heaters, band_degC(proven)), RiseWatch(Reach.from_proof(proven))
-        self._shown: Mapping[str, float] | None = None
-        self._first_s = self._changed_s = 0.0
-        self._unusable_row = 0
-        self._proven, self.seen = proven, WatchStats()
-        self._pwm_s, self._window_s = proven.view.actuator.pwm_period_s, watched_s(proven)
-        self._within_degC = band_degC(proven)
-        self._band: Band | None = None
-        self._since_s = 0.0
-        self._row = 0
+
+class RestWatch:
+    """Takes note of swing and power of a loop at rest, over as long as a response takes."""
+
+    def __init__(self, stats: WatchStats, *, window_s: float, pwm_s: float, within_degC: float) -> None:
+        """Take where to note them.
+
+        Args:
+            stats: of the loop.
+            window_s: how long a response takes [s].
+            pwm_s: PWM period, over which readings are averaged; 0: there is none [s].
+            within_degC: how far it may swing [°C].
+        """
+        self._stats, self._window_s, self._pwm_s, self._within_degC = stats, window_s, pwm_s, within_degC
         self._latest: deque[tuple[float, float, float]] = deque()
 
-    @property
-    def window_s(self) -> float:
-        """How long a response takes [s]."""
-        return self._window_s
+    def restart(self) -> None:
+        """Forget what was seen at rest: the loop moves."""
+        self._latest.clear()
+        self._stats.rest_pct = self._stats.swing = None
 
-    def see(self, look: Snapshot) -> None:
-        """Take a look; temperature, power and setpoint are in it."""
-        degC, asked = look.signals["temperature"], look.signals["setpoint"]
-        self._note_change(look)
-        if not self._is_usable(look, degC, asked):
-            return
-        power = look.signals.get("power", math.nan)
-        self.seen.frozen = self._still.see(look.time_s, degC, power) or self.seen.frozen
-        self._note_alarm(look.time_s, degC)
-        if self._band is None or abs(asked - self._band.setpoint_degC) > _SAME_DEGC:
-            # who comes to a loop, or sees its setpoint move before it has settled, does not know where it is in its way
-            mid_way = self._band is None or look.time_s - self._since_s < self._band.settles_s
-            self._band, self._since_s = Band.of(self._proven, asked, degC, mid_way=mid_way), look.time_s
-            self._latest.clear()
-            self.seen.rest_pct = self.seen.swing = None
-        low, high = self.seen.band = self._band.at(look.time_s - self._since_s)
-        used = abs(2.0 * degC - low - high) / (high - low)
-        self.seen.readings += 1
-        self.seen.used = max(self.seen.used, used)
-        self._row = 0 if used <= 1.0 else self._row + 1
-        if self._row >= _IN_A_ROW:
-            self._outside(look.time_s)
-        self._at_rest(look, degC)
-
-    def _note_alarm(self, time_s: float, degC: float) -> None:
-        """Take note of the first reading that is too high, or rises too fast."""
-        rise, hot = self._rise.see(time_s, degC), highest_message(self._proven, degC)
-        self.seen.alarm = self.seen.alarm or hot or rise
-
-    def _note_change(self, look: Snapshot) -> None:
-        """Take note of how long nothing has changed; a PLC that has begun to count again is new."""
-        if self._shown is None:
-            self._first_s = self._changed_s = look.time_s
-        if look.signals != self._shown or look.restarted:
-            self._shown, self._changed_s = look.signals, look.time_s
-        self.seen.still_s, self.seen.seconds = look.time_s - self._changed_s, look.time_s - self._first_s
-
-    def _is_usable(self, look: Snapshot, degC: float, setpoint_degC: float) -> bool:
-        """Return whether a look can be held against the band; take note of one that cannot."""
-        problem = reading_problem(degC, self._sensor_degC)
-        problem = problem or ("" if math.isfinite(setpoint_degC) else "the setpoint is not a number")
-        problem = problem or ("" if math.isfinite(look.signals.get("power", 0.0)) else "the power is not a number")
-        self._unusable_row = self._unusable_row + 1 if problem else 0
-        if problem:
-            self.seen.unusable, self.seen.problem = self.seen.unusable + 1, problem
-            self.seen.unusable_in_a_row = max(self.seen.unusable_in_a_row, self._unusable_row)
-        return not problem
-
-    def _outside(self, now_s: float) -> None:
-        stretches = self.seen.outside
-        if stretches and now_s - stretches[-1][1] < _APART * self._window_s:
-            stretches[-1] = stretches[-1][0], now_s
-        else:
-            stretches.append((now_s, now_s))
-
-    def _at_rest(self, look: Snapshot, degC: float) -> None:
-        """Look at swing and power once it should be at rest, over as long as a response takes."""
-        if self._band is None or look.time_s - self._since_s < min(self._band.settles_s, self._window_s):
-            return
-        self._latest.append((look.time_s, degC, look.signals.get("power", 0.0)))
-        while look.time_s - self._latest[0][0] > self._window_s:
+    def see(self, time_s: float, degC: float, power_pct: float) -> None:
+        """Take a reading of a loop that should be at rest [s], [°C], [%]."""
+        self._latest.append((time_s, degC, power_pct))
+        while time_s - self._latest[0][0] > self._window_s:
             self._latest.popleft()
-        if look.time_s - self._latest[0][0] < 0.9 * self._window_s:
+        if time_s - self._latest[0][0] < 0.9 * self._window_s:
             return
-        power = fmean(each for _, _, each in self._latest)
-        self.seen.rest_pct = (power if self.seen.rest_pct is None else self.seen.rest_pct[0]), power
-        self.seen.swing = self._swing()
+        power, first = fmean(each for _, _, each in self._latest), self._stats.rest_pct
+        self._stats.rest_pct = (power if first is None else first[0]), power
+        self._stats.swing = self._swing()
 
     def _swing(self) -> tuple[float, float] | None:
         """Return how far and how often it swings, beyond what was proven; each PWM period is one reading."""
@@ -339,6 +295,84 @@ class BandWatch:
         if half <= self._within_degC or len(crossed_s) < 2 * _SWINGS:
             return None
         return half, 2.0 * (crossed_s[-1] - crossed_s[0]) / (len(crossed_s) - 1)
+
+
+class StillTime:
+    """Tells for how long nothing that was read has changed; a PLC that has begun to count again is new."""
+
+    def __init__(self) -> None:
+        """Begin with nothing seen."""
+        self._shown: Mapping[str, float] | None = None
+        self._first_s = self._changed_s = 0.0
+
+    def see(self, look: Snapshot) -> tuple[float, float]:
+        """Take a look; return for how long nothing has changed, and for how long was looked [s]."""
+        if self._shown is None:
+            self._first_s = self._changed_s = look.time_s
+        if look.signals != self._shown or look.restarted:
+            self._shown, self._changed_s = look.signals, look.time_s
+        return look.time_s - self._changed_s, look.time_s - self._first_s
+
+
+class BandWatch:
+    """Takes looks in their order; `seen` says what they show."""
+
+    def __init__(self, proven: ProvenWords) -> None:
+        """Hold looks against a proof."""
+        heaters = [model for _, model in labelled_heaters(proven.fitted_model)]
+        self._sensor_degC = proven.words.scaling.sensor_degC
+        self._still, self._rise = StillSensor(heaters, band_degC(proven)), RiseWatch(Reach.from_proof(proven))
+        self._still_time = StillTime()
+        self._unusable_row = 0
+        self._proven, self.seen = proven, WatchStats()
+        self._window_s = watched_s(proven)
+        self._rest = RestWatch(self.seen, window_s=self._window_s, pwm_s=proven.view.actuator.pwm_period_s,
+                               within_degC=band_degC(proven))
+        self._band: Band | None = None
+        self._since_s = 0.0
+        self._row = 0
+
+    @property
+    def window_s(self) -> float:
+        """How long a response takes [s]."""
+        return self._window_s
+
+    def see(self, look: Snapshot) -> None:
+        """Take a look; temperature, power and setpoint are in it."""
+        degC, asked = look.signals["temperature"], look.signals["setpoint"]
+        self.seen.still_s, self.seen.seconds = self._still_time.see(look)
+        if not self._is_usable(look, degC, asked):
+            return
+        power = look.signals.get("power", math.nan)
+        self.seen.frozen = self._still.see(look.time_s, degC, power) or self.seen.frozen
+        self._note_alarm(look.time_s, degC)
+        if self._band is None or abs(asked - self._band.setpoint_degC) > _SAME_DEGC:
+            # who comes to a loop, or sees its setpoint move before it has settled, does not know where it is in its way
+            mid_way = self._band is None or look.time_s - self._since_s < self._band.settles_s
+            self._band, self._since_s = Band.of(self._proven, asked, degC, mid_way=mid_way), look.time_s
+            self._rest.restart()
+        since_s = look.time_s - self._since_s
+        self._row = 0 if self.seen.compare(degC, self._band.at(since_s)) else self._row + 1
+        if self._row >= _IN_A_ROW:
+            self.seen.note_outside(look.time_s, _APART * self._window_s)
+        if since_s >= min(self._band.settles_s, self._window_s):
+            self._rest.see(look.time_s, degC, look.signals.get("power", 0.0))
+
+    def _note_alarm(self, time_s: float, degC: float) -> None:
+        """Take note of the first reading that is too high, or rises too fast."""
+        rise, hot = self._rise.see(time_s, degC), highest_message(self._proven.conditions, degC)
+        self.seen.alarm = self.seen.alarm or hot or rise
+
+    def _is_usable(self, look: Snapshot, degC: float, setpoint_degC: float) -> bool:
+        """Return whether a look can be held against the band; take note of one that cannot."""
+        problem = reading_problem(degC, self._sensor_degC)
+        problem = problem or ("" if math.isfinite(setpoint_degC) else "the setpoint is not a number")
+        problem = problem or ("" if math.isfinite(look.signals.get("power", 0.0)) else "the power is not a number")
+        self._unusable_row = self._unusable_row + 1 if problem else 0
+        if problem:
+            self.seen.unusable, self.seen.problem = self.seen.unusable + 1, problem
+            self.seen.unusable_in_a_row = max(self.seen.unusable_in_a_row, self._unusable_row)
+        return not problem
 
 
 def others_there(proven: ProvenWords, address: Address) -> tuple[str, str]:

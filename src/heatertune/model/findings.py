@@ -170,6 +170,9 @@ KINDS: Final[dict[str, FindingKind]] = {
     "begins-as-room": FindingKind(
         "told", "the temperature is in °C, as the log begins like a room in °C",
         "state it if it is not (--temperature-unit)", is_assumption=True),
+    "gap-hides-power": FindingKind(
+        "blocks", "a gap in the log hides what the power did",
+        "use a part of the log without it (--until, --from), or log again without a gap", by_case=True),
     "one-clock": FindingKind(
         "told", "the files of the zones without dates begin at the same instant",
         "log dates, or all zones in one file", is_assumption=True),

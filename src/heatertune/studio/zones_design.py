@@ -34,7 +34,8 @@ from heatertune.studio.views import words_html
 from heatertune.studio.wording import for_page
 from heatertune.writing import read_bytes
 from heatertune.zones.identify import FittedNetwork, ZoneLog, fit_network
-from heatertune.zones.joint_proof import JointProof, design_zones, specification_for
+from heatertune.zones.joint_design import design_zones
+from heatertune.zones.joint_proof import JointProof, specification_for
 from heatertune.zones.zone_export import demand_pass, demand_program
 from heatertune.zones.zone_reader import numbers_in, read_zones, zones_in
 from heatertune.zones.zone_record import block_of_zone, design_files

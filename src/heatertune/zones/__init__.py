@@ -14,7 +14,8 @@ __all__ = [
 
 if TYPE_CHECKING:
     from heatertune.zones.identify import FittedNetwork, ZoneLog, fit_network, network_by_hand
-    from heatertune.zones.joint_proof import JointProof, design_zones, prove_zones
+    from heatertune.zones.joint_design import design_zones
+    from heatertune.zones.joint_proof import JointProof, prove_zones
     from heatertune.zones.network import ThermalNetwork
     from heatertune.zones.zone_export import export_zones
     from heatertune.zones.zone_reader import read_zones
@@ -22,7 +23,8 @@ if TYPE_CHECKING:
 __getattr__, __dir__ = lazy_attributes(__name__, {
     "zones.identify": (
         "FittedNetwork", "ZoneLog", "fit_network", "network_by_hand"),
-    "zones.joint_proof": ("JointProof", "design_zones", "prove_zones"),
+    "zones.joint_design": ("design_zones",),
+    "zones.joint_proof": ("JointProof", "prove_zones"),
     "zones.network": ("ThermalNetwork",),
     "zones.zone_export": ("export_zones",),
     "zones.zone_reader": ("read_zones",),

@@ -15,7 +15,8 @@ from heatertune.proof.design_request import with_printer_range
 from heatertune.settings import FitSettings, SampleSettings, WordSettings
 from heatertune.writing import write_files
 from heatertune.zones.identify import FittedNetwork, fit_network
-from heatertune.zones.joint_proof import JointProof, ZoneSpecification, design_zones, specification_for
+from heatertune.zones.joint_design import design_zones
+from heatertune.zones.joint_proof import JointProof, ZoneSpecification, specification_for
 from heatertune.zones.zone_export import demand_program
 from heatertune.zones.zone_reader import numbers_in, read_zones
 from heatertune.zones.zone_record import design_files

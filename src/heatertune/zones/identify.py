@@ -48,12 +48,15 @@ _MOST_STEPS: Final = 40
 _CHANGES: Final = 60  # of a zone's power, the largest, whose instants are fitted
 _ROUNDS: Final = 3  # of that fit
 _COLDER: Final = 0.02  # exchange below 0 that cannot be the noise of a weak one
+_BELOW: Final = 0.4  # exchange below 0 that a fit may try, of all neighbours of a zone
 _LEAST_SHOWN: Final = 1e-14  # of a direction of the parameters, relative to what the log shows of each
 _NO_HEATER: Final = 1e3  # ratio of an end of an interval to the gain or lag, from which on nothing is known of it
 _KNOWN: Final = 10.0  # ratio of an end of a lag's interval to the lag, beyond which the log does not show it
 _FROM_REST: Final = "log a step of each zone's power, one after the other, each until all temperatures are steady"
 _OTHERS: Final = 0.25  # of the squares that no power, or the own one, leaves: less shows what heats or cools a zone
 _MOVED: Final = 0.05  # of the squares of a zone's temperatures: more is left without the power that moves it
+_GAP_TIMES: Final = 5.0  # intervals without a row are a gap
+_MOST_GAPS: Final = 3  # that are looked at, the longest
 _WIDE: Final = 4.0  # ratio of an interval's ends above which the log bounds nothing
 
 
@@ -293,6 +296,15 @@ def fit_network(log: ZoneLog, *, structure: str | None = None) -> FittedNetwork:
         if np.ptp(power) == 0.0:
             raise InputError(f"{log.name}: the power of zone {zone!r} never changes, so its gain is unknown: log a "
                              "step of the power of each zone, one after the other")
+    fitted = _fit(log, structure)
+    if any(finding.name == "poor-fit" for finding in fitted.findings):
+        hidden = tuple(_hidden_powers(log, structure))
+        fitted = replace(fitted, findings=(*hidden, *fitted.findings))
+    return fitted
+
+
+def _fit(log: ZoneLog, structure: str | None) -> FittedNetwork:
+    """Return the network of a log; arguments and errors as `fit_network`."""
     count = len(log.zones)
     pairs = neighbours(structure or ("free" if count <= _FREE_UP_TO else "chain"), count)
     problem = _NetworkProblem.from_log(log)
@@ -302,6 +314,43 @@ def fit_network(log: ZoneLog, *, structure: str | None = None) -> FittedNetwork:
         fitted = problem.with_further_couplings(fitted)
     fitted = problem.with_second_lags(fitted)
     return _result(log, problem, fitted)
+
+
+def _hidden_powers(log: ZoneLog, structure: str | None) -> Iterator[Finding]:
+    """Yield which gap keeps a network from explaining a log: beside it, one explains the log before or after it."""
+    spans = np.diff(log.time_s)
+    gaps = [int(row) for row in np.argsort(-spans)[:_MOST_GAPS] if spans[row] > _GAP_TIMES * log.interval_s]
+    for row in gaps:
+        begin_s, end_s, parts = log.time_s[row], log.time_s[row + 1], (slice(row + 1, None), slice(row + 1))
+        for part, option in zip(parts, (f"--from {end_s:.6g}", f"--until {begin_s:.6g}"), strict=True):
+            own = _part_of(log, part)
+            if own is not None and _is_explained(own, structure):
+                yield _gap_finding(begin_s, end_s, f"one network explains the part that {option} leaves")
+                return
+    if gaps and not any(_part_of(log, part) for row in gaps for part in (slice(row + 1, None), slice(row + 1))):
+        begin_s, end_s = log.time_s[gaps[0]:gaps[0] + 2]
+        yield _gap_finding(begin_s, end_s, "neither part has steps of every zone: log again without a gap")
+
+
+def _gap_finding(begin_s: float, end_s: float, message: str) -> Finding:
+    return Finding(name="gap-hides-power", message=(
+        f"the log has no row from {begin_s:.6g} to {end_s:.6g} s, so what the power did there is unknown; {message}"))
+
+
+def _part_of(log: ZoneLog, rows: slice) -> ZoneLog | None:
+    """Return some rows of a log, None where these do not show a heater of each zone."""
+    power = log.powers_pct[rows]
+    if len(power) < MIN_SAMPLES or not np.all(np.ptp(power, axis=0)):
+        return None
+    return replace(log, time_s=log.time_s[rows], temperatures_degC=log.temperatures_degC[rows], powers_pct=power,
+                   setpoints_degC=None, courses=(), findings=())
+
+
+def _is_explained(log: ZoneLog, structure: str | None) -> bool:
+    try:
+        return not _fit(log, structure).findings
+    except InputError:
+        return False
 
 
 class _NetworkFit(NamedTuple):
@@ -335,14 +384,18 @@ class _NetworkProblem:
     readings: Array
     courses: Sequence[ZonePower]
     longest_s: float
-    interval_s: float  # between rows of the log: within it, nobody knows when the power changed
+    interval_s: float  # between rows of the log
+    spans_s: Sequence[Array]  # before each change of a zone's power: within it, nobody knows when it changed
 
     @classmethod
     def from_log(cls, log: ZoneLog) -> _NetworkProblem:
         keep = slice(None, None, math.ceil(len(log.time_s) / _ROWS))
         courses = log.courses or [ZonePower.from_rows(log.time_s, power) for power in log.powers_pct.T]
+        before = [log.time_s[np.maximum(np.searchsorted(log.time_s, course.instants_s) - 1, 0)] for course in courses]
+        spans_s = [np.maximum(course.instants_s - row, log.interval_s)
+                   for course, row in zip(courses, before, strict=True)]
         return cls(time_s=log.time_s[keep], readings=log.temperatures_degC[keep], courses=courses,
-                   longest_s=float(np.ptp(log.time_s)) / 4.0, interval_s=log.interval_s)
+                   longest_s=float(np.ptp(log.time_s)) / 4.0, interval_s=log.interval_s, spans_s=spans_s)
 
     def start(self, layout: ParameterLayout) -> Array:
         """Return parameters by linear least squares on the integrated heat balance, the best of several dead times."""
@@ -449,7 +502,7 @@ class _NetworkProblem:
         dead = np.arange(layout.size) * layout.per_zone + 2
         values[dead] = np.clip(values[dead], -self.interval_s, self.longest_s)  # power logged up to a row late
         first = layout.size * layout.per_zone
-        values[first:] = np.maximum(values[first:], -0.4 / max(layout.size - 1, 1))
+        values[first:] = np.maximum(values[first:], -_most_below(layout))
         return values
 
     def jacobian(self, layout: ParameterLayout, values: Array) -> Array:
@@ -471,13 +524,17 @@ class _NetworkProblem:
         weighted /= scale
         late = (self.late_changes(fit) / np.sqrt(inflated)[:, None]).reshape(len(weighted), -1)
         normal, crossed = weighted.T @ weighted, weighted.T @ late
-        normal -= crossed @ np.linalg.solve(late.T @ late + self._prior(late.shape[1]), crossed.T)
+        normal -= crossed @ np.linalg.solve(late.T @ late + self._prior(), crossed.T)
         values, vectors = np.linalg.eigh(normal)  # what the log does not show has a variance without end, not none
         return np.asarray((vectors / np.maximum(values, _LEAST_SHOWN)) @ vectors.T / np.outer(scale, scale))
 
-    def _prior(self, count: int) -> Array:
-        """Return what is known of the instants of changes: any one between two rows, variance interval²/12."""
-        return np.asarray(12.0 / self.interval_s**2 * np.eye(count))
+    def _prior(self) -> Array:
+        """Return what is known of the instants of changes: any one since the row before, variance interval²/12."""
+        return np.diag(12.0 / self._timed_spans() ** 2)
+
+    def _timed_spans(self) -> Array:
+        """Return within which span each timed change may have been, shape (changes,) [s]."""
+        return np.concatenate([spans[timed] for spans, timed in zip(self.spans_s, self._timed(), strict=True)])
 
     def _timed(self) -> list[npt.NDArray[np.intp]]:
         """Return which changes of each zone's power are timed: the largest."""
@@ -507,11 +564,11 @@ class _NetworkProblem:
             late = (problem.late_changes(fit) * weights).reshape(len(own), -1)
             both = np.hstack([own, late])
             normal = both.T @ both
-            normal[len(fit.values):, len(fit.values):] += self._prior(len(moved))
+            normal[len(fit.values):, len(fit.values):] += self._prior()
             slope = both.T @ (fit.residuals * weights[:, 0]).ravel()
-            slope[len(fit.values):] -= self._prior(len(moved)) @ moved
+            slope[len(fit.values):] -= self._prior() @ moved
             step = np.linalg.lstsq(normal, slope, rcond=None)[0][len(fit.values):]
-            moved = np.clip(moved + step, -self.interval_s, self.interval_s)
+            moved = np.clip(moved + step, -self._timed_spans(), self.interval_s)
             parts, courses = iter(np.split(moved, np.cumsum([len(timed) for timed in self._timed()]))), []
             for course, timed in zip(self.courses, self._timed(), strict=True):
                 instants = course.instants_s.copy()
@@ -624,7 +681,19 @@ def _open_findings(fitted: FittedNetwork) -> Iterator[Finding]:
             if interval.high > _WIDE * interval.low:
                 yield Finding(name="unexplained-by-power", message=(
                     f"the log does not bound the {what} of zone {zone}: {interval.low:.3g} to {interval.high:.3g}"))
-    for name, interval in fitted.ci95.items():
-        if name.startswith("exchange") and interval.high is not None and interval.high < -_COLDER:
+    first = fitted.layout.size * fitted.layout.per_zone
+    for name, value in zip(fitted.couplings, fitted.values[first:], strict=True):
+        high = fitted.ci95[f"exchange {name}"].high
+        assert high is not None
+        if high < -_COLDER:
             yield Finding(name="contradicted", message=(
-                f"the {name} would be below 0 ({interval.high:.2g} at most), which no heat exchange is"))
+                f"the exchange {name} would be below 0 ({high:.2g} at most), which no heat exchange is"))
+        elif value <= -_most_below(fitted.layout) + _COLDER:
+            yield Finding(name="contradicted", message=(
+                f"the exchange {name} fits best at {value:.2g}, the end of its search, and none is below 0: the "
+                "log does not tell the zones apart"))
+
+
+def _most_below(layout: ParameterLayout) -> float:
+    """Return how far below 0 an exchange may be during a fit; the network does not run away with it."""
+    return _BELOW / max(layout.size - 1, 1)

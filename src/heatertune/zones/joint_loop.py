@@ -13,6 +13,7 @@ from functools import cache
 from typing import Any, Final, NamedTuple, cast
 
 import numpy as np
+import numpy.typing as npt
 
 from heatertune.arrays import Array
 from heatertune.compiled import bound, compile_function, worth_compiling
@@ -38,10 +39,16 @@ from heatertune.zones.network import ThermalNetwork
 
 __all__ = [
     "JointTrace", "ZoneEvent", "ZoneLoop", "bound_kernel", "event_arrays", "memory_at_rest", "nested_pairs",
-    "network_arrays", "run_zones",
+    "network_arrays", "offsets_for", "run_zones", "uncorrected_degC",
 ]
 
 _MOST_PLAIN: Final = 20_000  # scans of all zones that take as long as to compile the kernel
+_ORDERS: Final = 100  # of the zones' pulses tried at random
+_MIDDLE_PCT: Final = 40.0  # power from which on an error may move it to both sides
+_FREE_PCT: Final = 2.0  # from a limit of the power: nearer, it may stay for that reason
+_FADING: Final = 10  # scans after which P and D parts stay
+_STAYS: Final = 300  # scans without a change of the power: such an error is never corrected
+_MOST_COUNTS: Final = 256  # errors that are tried [counts of the sensor]
 
 
 class ZoneEvent(NamedTuple):
@@ -166,6 +173,59 @@ def run_zones(
         highest_degC=out.highest, lowest_degC=out.lowest, overflows=int(memory.overflows[0]))
 
 
+def uncorrected_degC(words: Words, switches: Mapping[str, str]) -> float:
+    """Return the largest error that a controller of whole numbers never corrects, as it moves by whole increments [°C].
+
+    Args:
+        words: of the controller.
+        switches: open point → setting.
+    """
+    return _uncorrected_counts(_Integral(words, tuple(sorted(switches.items())))) * words.scaling.span_degC / (
+        controller_for(words.target).sensor(words.scaling).counts)
+
+
+class _Integral:
+    """The integral part of one controller while its error stays as it is."""
+
+    def __init__(self, words: Words, switches: tuple[tuple[str, str], ...]) -> None:
+        controller, scaling = controller_for(words.target), words.scaling
+        self._own = in_loop(controller, words, [scaling.low_degC], dict(switches), direct=True)
+        self._middle_degC = scaling.low_degC + 0.5 * scaling.span_degC + 0.25 * self._own.resolution_degC
+        self._setpoint = controller.measure(words, self._middle_degC)
+        self.is_whole = isinstance(self._setpoint, int)
+
+    def _run(self, state: Any, counts: int, scans: int) -> tuple[Any, float]:
+        core, power = self._own.core, 0.0
+        reading = core.measure(self._own.sensor, self._middle_degC + counts * self._own.resolution_degC)
+        for _ in range(scans):
+            state, power, *_ = core.step(self._own.parameters, state, self._setpoint, reading, True)
+        return state, power
+
+    def stays(self, counts: int) -> bool:
+        """Return whether an error of so many counts of the sensor, on either side, leaves the power where it is."""
+        core, stays = self._own.core, False
+        for sign in (-1, 1):
+            state, power, far = core.cold_start(self._own.parameters, core.own(self._own.state)), 0.0, 1
+            while power < _MIDDLE_PCT and far < _MOST_COUNTS:
+                state, power = self._run(state, -far, _FADING)
+                far *= 2
+            state, before = self._run(state, sign * counts, _FADING)
+            stays = stays or (_FREE_PCT < before < 100.0 - _FREE_PCT and self._run(
+                state, sign * counts, _STAYS)[1] == before)
+        return stays
+
+
+def _uncorrected_counts(integral: _Integral) -> int:
+    """Return the largest error that stays [counts of the sensor]."""
+    least, most = 0, 1
+    while integral.is_whole and most < _MOST_COUNTS and integral.stays(most):
+        least, most = most, 2 * most
+    while most - least > 1:
+        middle = (least + most) // 2
+        least, most = (middle, most) if integral.stays(middle) else (least, middle)
+    return least
+
+
 class _Controllers:
     """The controllers of all zones, as the kernel takes them."""
 
@@ -248,3 +308,39 @@ def memory_at_rest(loop: ZoneLoop, network: ThermalNetwork, periods: int, edges:
         period_counts=period_counts, edge_counts=edge_counts, arrival_counts=arrival_counts, pulse_counts=pulse_counts,
         edges=np.zeros((count, edges)), pulse_begin=np.zeros((count, periods)), pulse_end=np.zeros((count, periods)),
         overflows=np.zeros(1, dtype=np.int64))
+
+
+def offsets_for(duties_pct: npt.ArrayLike, period_s: float, resolution_s: float) -> tuple[float, ...]:
+    """Return offsets of PWM periods with which as few heaters as can be are on at once.
+
+    Pulses that follow each other around the period need no more than ⌈Σ duty⌉ heaters at once. Of several such orders,
+    and of offsets spread evenly, those are taken with which other plausible duties need the fewest beyond that, too.
+
+    Args:
+        duties_pct: of each zone, in one row for each plausible case, the most likely one first, shape (m, n) [%].
+        period_s: of the PWM [s].
+        resolution_s: offsets are multiples of it [s].
+    """
+    shares = np.clip(np.atleast_2d(np.asarray(duties_pct, dtype=np.float64)), 0.0, 100.0) / 100.0
+    count, random = shares.shape[1], np.random.default_rng(1)
+    gap = (math.ceil(float(shares[0].sum())) - float(shares[0].sum())) / count  # room for duties that vary
+    best: tuple[tuple[int, int], Array] | None = None
+    for order in [np.arange(count), np.argsort(shares[0]), *(random.permutation(count) for _ in range(_ORDERS))]:
+        for width in (shares[0][order] + gap, shares[0][order], np.full(count, 1.0 / count)):
+            begins = np.empty(count)
+            begins[order] = np.concatenate([[0.0], np.cumsum(width)[:-1]]) % 1.0
+            begins = np.round(begins * period_s / resolution_s) * resolution_s / period_s % 1.0
+            beyond = [_most_at_once(begins, share) - math.ceil(float(share.sum()) - 1e-9) for share in shares]
+            rank = max(beyond[0], 0), int(np.sum(np.maximum(beyond, 0)))
+            if best is None or rank < best[0]:
+                best = rank, begins
+    assert best is not None
+    first = best[1][0]
+    return tuple(round(float((begin - first) % 1.0 * period_s / resolution_s)) * resolution_s % period_s
+                 for begin in best[1])
+
+
+def _most_at_once(begins: Array, shares: Array) -> int:
+    """Return how many pulses around a period overlap at most; each begins where another does not yet end."""
+    since = (begins[:, None] - begins) % 1.0  # at the begin of each pulse
+    return int(np.max(np.sum(since < shares - 1e-9, axis=1)))

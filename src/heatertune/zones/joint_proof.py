@@ -7,19 +7,17 @@ its heater stuck at full power; a restart of the PLC; zones started one after th
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from itertools import islice
 from typing import Final, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from heatertune.arrays import Array
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.findings import KINDS, Finding, remedy_of
-from heatertune.plc import Scaling, controller_for
+from heatertune.plc import controller_for
 from heatertune.plc.open_points import settings_to_prove
 from heatertune.plc.pwm import Actuator, in_ticks
 from heatertune.plc.words import Certificate, Words
@@ -27,16 +25,16 @@ from heatertune.proof.criteria import LoopLimits
 from heatertune.proof.heaters import MAINS_POWERS, RESERVE_PCT
 from heatertune.proof.prove_words import actuator_for
 from heatertune.proof.ripple_and_wear import ripple_degC
-from heatertune.proof.specification import specification_of
+from heatertune.proof.specification import GENERAL, preset, specification_of
 from heatertune.proof.verdict import FitDiagnostics
 from heatertune.settings import Conditions
 from heatertune.units import check
 from heatertune.zones.identify import FittedNetwork
-from heatertune.zones.joint_loop import JointTrace, ZoneEvent, ZoneLoop, run_zones
-from heatertune.zones.joint_tuning import JOINT_MS, JointDesign, JointTuner
+from heatertune.zones.joint_loop import JointTrace, ZoneEvent, ZoneLoop, offsets_for, run_zones, uncorrected_degC
+from heatertune.zones.joint_tuning import JOINT_MS, JointDesign
 from heatertune.zones.network import ThermalNetwork
 
-__all__ = ["JointCriterion", "JointProof", "ZoneSpecification", "design_zones", "prove_zones"]
+__all__ = ["UNHELD", "JointCriterion", "JointProof", "ZoneSpecification", "prove_zones", "specification_for"]
 
 _DRAWN: Final = 6
 _STEP_DEGC: Final = 5.0
@@ -48,7 +46,7 @@ _BEYOND: Final = 1.1  # times the logged rise that a setpoint may be above the a
 _IDLE_PCT: Final = 1.0  # power that a zone needs at least to hold its setpoint
 _NOT_TESTED: Final = ("a sensor that breaks", "mains that change while the zones run", "a setpoint profile")
 #: criteria of the setpoints alone
-_UNHELD: Final = ("power to hold the setpoints [%]", "cooling that a zone would need [%]")
+UNHELD: Final = ("power to hold the setpoints [%]", "cooling that a zone would need [%]")
 _RIPPLE: Final = 0.2  # of the tolerance, peak to peak: so much is left to the PWM
 _COOLS: Final = 3.0  # time constants in which an overheated zone cools down
 _STEPS: Final = ("log a step of each zone's power, one after the other, each until all temperatures are steady, with "
@@ -57,8 +55,9 @@ _STEPS: Final = ("log a step of each zone's power, one after the other, each unt
 _REMEDIES: Final = {
     "beyond-the-log": "log up to the setpoint, or choose setpoints that the log covers (--zone-setpoints)",
     **dict.fromkeys(("poor-fit", "unexplained-by-power", "contradicted"), _STEPS)}
-_ORDERS: Final = 100  # of the zones' pulses tried at random
-_ATTEMPTS: Final = 5  # designs that are proven, each detuned further, in all zones and then in one
+#: limits of a specification that runs of zones judge
+_JUDGED: Final = ("tolerance", "overshoot", "reheat-overshoot", "small-change-overshoot", "recovery-overshoot",
+                  "load-deviation", "ms")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -207,8 +206,9 @@ class JointProof:
         lines = [f"{self.verdict}: {len(zones)} zones together at "
                  f"{', '.join(f'{each:g}' for each in self.specification.setpoints_degC)} °C in {len(self.runs)} runs"]
         broken = sorted((each for each in self.criteria if not each.ok), key=lambda criterion: criterion.cause >= 0)
-        lines += [f"not kept: {each.name} {each.value:.4g}, limit {each.limit:.4g} ({each.where}{_allowing(broken)})"
-                  for each in broken]
+        lines += [f"not kept: {each.name} {each.value:.4g}, limit {each.limit:.4g} ({each.where})" for each in broken]
+        options = _allowing(broken)
+        lines += [f"to allow {'it' if len(broken) == 1 else 'them'}: {options}"] if options else []
         for each in self.blocking:
             remedy = _REMEDIES.get(each.name) or remedy_of(each.name, [])
             lines.append(f"not proven ({each.name}): {each.message}; {remedy}, or --accept {each.name}")
@@ -248,63 +248,31 @@ class _Phase(NamedTuple):
     idle: tuple[int, ...] = ()  # zones that are not judged
 
 
-def design_zones(
-    fitted: FittedNetwork, target: str, setpoints_degC: float | Sequence[float] | None = None, *,
-    scaling: Scaling | None = None, structure: str = "pi", conditions: Conditions | None = None,
-    specification: ZoneSpecification | None = None, sample_time_s: float | None = None,
-) -> JointProof:
-    """Tune all zones together and prove them; the first design that passes, else the one that comes nearest.
-
-    Args:
-        fitted: the network, see `heatertune.zones.fit_network` and `network_by_hand`.
-        target: the controller of all zones.
-        setpoints_degC: one for all zones or one for each; None: the last logged ones [°C].
-        scaling: sensor range; None: 0…100 °C.
-        structure: "pi" or "pid".
-        conditions: PWM, limits, accepted findings and known open points; None: the defaults.
-        specification: what the zones must keep; None: that of `conditions` at the setpoints.
-        sample_time_s: common interval of the controllers; None: found with the design [s].
-
-    Raises:
-        InputError: no setpoint is known, or no design is robust for all plausible networks.
-        OutOfRange, UnknownName, NotRepresentable: as `JointTuner` and `actuator_for`.
-    """
-    asked = conditions or Conditions()
-    spec = specification or specification_for(fitted, setpoints_degC, asked)
-    tuner = JointTuner(fitted, target, scaling=scaling, structure=structure, sample_time_s=sample_time_s)
-    prove = partial(prove_zones, fitted=fitted, specification=spec, conditions=asked)
-    proofs = list[JointProof]()
-    for design in islice(tuner.designs(), _ATTEMPTS):
-        proofs.append(prove(design, up_to_failure=True))
-        if proofs[-1].verdict != "FAIL":
-            return proofs[-1]
-        if any(each.name in _UNHELD and not each.ok for each in proofs[-1].criteria):
-            return prove(design)  # which no tuning mends
-    if not proofs:
-        raise InputError(f"no {structure} of {target} keeps Ms {JOINT_MS:g} on all plausible networks: log longer "
-                         "steps of each zone's power, which narrows the intervals")
-    proof = min(proofs, key=_strain)
-    for _ in range(_ATTEMPTS):  # all zones alike did not help: that alone which moves the others
-        cause = max(proof.criteria, key=lambda criterion: criterion.share).cause
-        slower = None if cause < 0 else tuner.slower(proof.design, cause)
-        if slower is None:
-            break
-        proof = prove(slower, up_to_failure=True)
-        if proof.verdict != "FAIL":
-            return proof
-        proofs.append(proof)
-    return prove(min(proofs, key=_strain).design)
+#: criterion → the option that allows what it measured, and its unit
+_OPTIONS: Final = {
+    _DEVIATION_NAME: ("--neighbour-deviation ", ""),
+    **dict.fromkeys(("offset at rest [°C]", "swing at rest [°C]", "error at rest [°C]",
+                     "error that no increment corrects [°C]"), ("--tolerance ", "")),
+    "overshoot [%]": ("--limit overshoot=", "%"),
+    "overshoot after a fault [%]": ("--limit reheat-overshoot=", "%"),
+    "overshoot after a load [%]": ("--limit recovery-overshoot=", "%")}
 
 
 def _allowing(broken: Sequence[JointCriterion]) -> str:
-    """Return the option that allows a neighbour's deviation; "" where that is not all that is broken."""
-    if [each.name for each in broken] != [_DEVIATION_NAME]:
+    """Return the options that allow what all broken criteria measured; "" where one of them has no option."""
+    if not broken or any(each.name not in _OPTIONS for each in broken):
         return ""
-    return f"; --neighbour-deviation {math.ceil(10.0 * broken[0].value + 1e-6) / 10.0:g} allows it"
+    most, units = dict[str, float](), dict(_OPTIONS.values())
+    for each in broken:
+        option, _ = _OPTIONS[each.name]
+        most[option] = max(most.get(option, 0.0), math.ceil(10.0 * each.value + 1e-6) / 10.0)
+    return " ".join(f"{option}{value:g}{units[option]}" for option, value in most.items())
 
 
-def _strain(proof: JointProof) -> float:
-    return max(each.share for each in proof.criteria)
+def _limits_not_judged(conditions: Conditions) -> list[str]:
+    """Return what a specification limits beyond the general one and no run of zones judges, a few words each."""
+    limits, general = specification_of(conditions).limits, preset(GENERAL).limits
+    return [f"the limit {name}" for name in sorted(limits) if name not in _JUDGED and limits[name] != general.get(name)]
 
 
 def specification_for(
@@ -327,7 +295,7 @@ def specification_for(
 
 def prove_zones(
     design: JointDesign, fitted: FittedNetwork, specification: ZoneSpecification, conditions: Conditions | None = None,
-    *, up_to_failure: bool = False,
+    *, up_to_failure: bool = False, first: str = "",
 ) -> JointProof:
     """Run the words of all zones together, see this module.
 
@@ -337,6 +305,7 @@ def prove_zones(
         specification: what the zones must keep.
         conditions: PWM, accepted findings and known open points; None: the defaults.
         up_to_failure: end with the first run that breaks a limit.
+        first: label of a run that is tried before all others, as it breaks a limit of a similar design; "": none.
 
     Raises:
         InputError, OutOfRange, UnknownName: as `heatertune.zones.joint_loop.run_zones` and `actuator_for`.
@@ -358,7 +327,12 @@ def prove_zones(
         offsets = offsets_for(np.array([*likely, *held[1:]]), actuator.pwm_period_s, actuator.resolution_s)
     prover = _Prover(design, fitted, specification, ZoneLoop(words=design.words, actuator=actuator, offsets_s=offsets))
     criteria, traces, runs = prover.static(held), list[JointTrace](), list[str]()
-    for label, run in prover.runs(networks, asked.switches):
+    criteria += prover.uncorrected(prover.settings(asked.switches))
+    unrun = len(criteria)
+    planned = list(prover.runs(networks, asked.switches))
+    for label, run in [*(pair for pair in planned[1:] if up_to_failure and pair[0] == first), *planned]:
+        if runs == [first]:  # it breaks nothing: as if it had not run
+            prover.peak, criteria, traces, runs = _PeakPower(), criteria[:unrun], [], []
         result, judged = run()
         criteria += [replace(each, where=f"{each.where}, {label}") for each in judged]
         runs.append(label)
@@ -376,7 +350,8 @@ def prove_zones(
     return JointProof(
         design=design, fitted=fitted, specification=specification, actuator=actuator, offsets_s=offsets,
         criteria=tuple(found), runs=tuple(runs), findings=(*fitted.findings, *_beyond_log(fitted, specification)),
-        accepted=tuple(asked.accept), not_tested=(*dict.fromkeys(prover.not_tested), *_NOT_TESTED),
+        accepted=tuple(asked.accept),
+        not_tested=(*dict.fromkeys(prover.not_tested), *_limits_not_judged(asked), *_NOT_TESTED),
         peak_heaters=peak.most, peak_kw=peak_kw, heaters_bound=peak.bound, bound_share=peak.share, trace=traces[0],
         settle_s=prover.settle_s, heat_s=max(prover.heat_s, 2.0 * prover.settle_s),
         switches=dict(asked.switches), conditions=asked)
@@ -402,42 +377,6 @@ def _calm_actuator(
     return actuator
 
 
-def offsets_for(duties_pct: npt.ArrayLike, period_s: float, resolution_s: float) -> tuple[float, ...]:
-    """Return offsets of PWM periods with which as few heaters as can be are on at once.
-
-    Pulses that follow each other around the period need no more than ⌈Σ duty⌉ heaters at once. Of several such orders,
-    and of offsets spread evenly, those are taken with which other plausible duties need the fewest beyond that, too.
-
-    Args:
-        duties_pct: of each zone, in one row for each plausible case, the most likely one first, shape (m, n) [%].
-        period_s: of the PWM [s].
-        resolution_s: offsets are multiples of it [s].
-    """
-    shares = np.clip(np.atleast_2d(np.asarray(duties_pct, dtype=np.float64)), 0.0, 100.0) / 100.0
-    count, random = shares.shape[1], np.random.default_rng(1)
-    gap = (math.ceil(float(shares[0].sum())) - float(shares[0].sum())) / count  # room for duties that vary
-    best: tuple[tuple[int, int], Array] | None = None
-    for order in [np.arange(count), np.argsort(shares[0]), *(random.permutation(count) for _ in range(_ORDERS))]:
-        for width in (shares[0][order] + gap, shares[0][order], np.full(count, 1.0 / count)):
-            begins = np.empty(count)
-            begins[order] = np.concatenate([[0.0], np.cumsum(width)[:-1]]) % 1.0
-            begins = np.round(begins * period_s / resolution_s) * resolution_s / period_s % 1.0
-            beyond = [_most_at_once(begins, share) - math.ceil(float(share.sum()) - 1e-9) for share in shares]
-            rank = max(beyond[0], 0), int(np.sum(np.maximum(beyond, 0)))
-            if best is None or rank < best[0]:
-                best = rank, begins
-    assert best is not None
-    first = best[1][0]
-    return tuple(round(float((begin - first) % 1.0 * period_s / resolution_s)) * resolution_s % period_s
-                 for begin in best[1])
-
-
-def _most_at_once(begins: Array, shares: Array) -> int:
-    """Return how many pulses around a period overlap at most; each begins where another does not yet end."""
-    since = (begins[:, None] - begins) % 1.0  # at the begin of each pulse
-    return int(np.max(np.sum(since < shares - 1e-9, axis=1)))
-
-
 def _beyond_log(fitted: FittedNetwork, specification: ZoneSpecification) -> Iterator[Finding]:
     if fitted.highest_degC is None:
         return
@@ -460,6 +399,7 @@ class _Prover:
         self.zones, self.count = fitted.network.zones, len(fitted.network.zones)
         self.setpoints = np.array(specification.setpoints_degC)
         self.not_tested: list[str] = []
+        self._uncorrected: dict[tuple[tuple[str, str], ...], Array] = {}
         self.peak = _PeakPower()
         tight = max(max(network.dead_times_s) for _, network in fitted.draw(0))
         radius = min(max(design.radius, 1e-3), 1.0 - 1e-6)
@@ -468,6 +408,31 @@ class _Prover:
         integral = max(each.integral_time_s for each in design.designs)
         self.open_s = 2.0 * integral
         self.heat_s = 0.0  # the longest heat-up of a run
+
+    def settings(self, stated: Mapping[str, str]) -> list[dict[str, str]]:
+        """Return the settings of the open points that are proven, where some are known."""
+        return settings_to_prove(controller_for(self.design.words[0].target).switches, stated)
+
+    def uncorrected(self, settings: Sequence[Mapping[str, str]]) -> list[JointCriterion]:
+        """Return which error of a zone no increment of its controller corrects, the largest of each setting."""
+        found = []
+        for setting in settings:
+            errors = self._uncorrected_degC(setting)
+            zone = int(np.argmax(errors))
+            if errors[zone] > 0.0:
+                name = ", ".join(f"{name} = {value}" for name, value in setting.items()
+                                 if value != settings[0][name]) or "every setting"
+                found.append(JointCriterion(
+                    name="error that no increment corrects [°C]", value=float(errors[zone]),
+                    limit=self.specification.limits.tolerance_degC, where=f"zone {self.zones[zone]}, {name}"))
+        return found
+
+    def _uncorrected_degC(self, setting: Mapping[str, str]) -> Array:
+        """Return the largest error of each zone that its controller never corrects, shape (n,) [°C]."""
+        key = tuple(setting.items())
+        if key not in self._uncorrected:
+            self._uncorrected[key] = np.array([uncorrected_degC(words, setting) for words in self.design.words])
+        return self._uncorrected[key]
 
     def static(self, powers_pct: Sequence[Array]) -> list[JointCriterion]:
         """Return the criteria that need no run: margins, and the power that holds the setpoints."""
@@ -480,20 +445,21 @@ class _Prover:
             held += f", zone {zone}: lower its setpoint{', or log longer steps of its power' if wide else ''}"
         criteria = [
             JointCriterion(name="largest singular value of S", value=design.joint_ms, limit=JOINT_MS, where=where),
-            JointCriterion(name="Ms of a zone alone", value=design.alone_ms, limit=JOINT_MS, where=where),
-            JointCriterion(name=_UNHELD[0], value=float(most), limit=100.0 - RESERVE_PCT,
+            JointCriterion(name="Ms of a zone alone", value=design.alone_ms, where=where,
+                           limit=min(JOINT_MS, self.specification.limits.ms or JOINT_MS)),
+            JointCriterion(name=UNHELD[0], value=float(most), limit=100.0 - RESERVE_PCT,
                            where=held)]
         if least < 0.0:
             zone = self.zones[int(np.argmin(min(powers_pct, key=np.min)))]
             criteria.append(JointCriterion(
-                name=_UNHELD[1], value=-float(least), limit=0.0,
+                name=UNHELD[1], value=-float(least), limit=0.0,
                 where=f"zone {zone}: its neighbours heat it beyond its setpoint; raise it, or lower theirs"))
         return criteria
 
     def runs(self, networks: Sequence[tuple[str, ThermalNetwork]], stated: Mapping[str, str]) -> Iterator[
             tuple[str, partial[tuple[JointTrace, list[JointCriterion]]]]]:
         """Yield label and run, the whole sequence on the best fit first."""
-        settings = settings_to_prove(controller_for(self.design.words[0].target).switches, stated)
+        settings = self.settings(stated)
         every = list(range(self.count))
         nominal = networks[0][1]
         yield networks[0][0], partial(self._in_use, nominal, settings[0], every, whole=True)
@@ -564,7 +530,7 @@ class _Prover:
         held = [phase for phase in phases if phase.kind in ("load gone", "setpoint back", "restart")]
         duties = np.clip(network.holding_pct(self.setpoints), 0.0, 100.0)
         self.peak.count(trace, held, self.loop.period_s, math.ceil(float(duties.sum()) / 100.0 - 1e-9))
-        return trace, self._judged(trace, network, phases)
+        return trace, self._judged(trace, network, phases, self._uncorrected_degC(switches))
 
     def _faults(
         self, network: ThermalNetwork, zone: int, now: float, events: list[ZoneEvent], phases: list[_Phase], *,
@@ -603,7 +569,7 @@ class _Prover:
         end = len(order) * each_s + self.settle_s
         phases.append(_Phase("all started", -1, end - self.settle_s, end))
         trace = run_zones(self.loop, network, events, end, switches=switches)
-        return trace, self._judged(trace, network, phases)
+        return trace, self._judged(trace, network, phases, self._uncorrected_degC(switches))
 
     def _can_hold(self, network: ThermalNetwork, zones: Sequence[int]) -> bool:
         """Return whether some zones hold their setpoints while the others get no power."""
@@ -614,7 +580,9 @@ class _Prover:
         power = np.linalg.solve(rise[np.ix_(chosen, chosen)], wanted[chosen])
         return bool(np.all(power <= 100.0 - RESERVE_PCT) and np.all(power >= _IDLE_PCT))
 
-    def _judged(self, trace: JointTrace, network: ThermalNetwork, phases: Sequence[_Phase]) -> list[JointCriterion]:
+    def _judged(
+        self, trace: JointTrace, network: ThermalNetwork, phases: Sequence[_Phase], uncorrected_degC: Array
+    ) -> list[JointCriterion]:
         found = [JointCriterion(name="overflows", value=float(trace.overflows), limit=0.0, where="all zones")]
         for phase in phases:
             inside = (trace.time_s >= phase.start_s) & (trace.time_s < phase.end_s)
@@ -622,13 +590,18 @@ class _Prover:
                 trace.temperatures_degC, trace.highest_degC, trace.lowest_degC))
             for zone in range(self.count):
                 if zone not in phase.idle:
-                    found += self._of_zone(phase, zone, (seen[:, zone], high[:, zone], low[:, zone]), network)
+                    found += self._of_zone(phase, zone, (seen[:, zone], high[:, zone], low[:, zone]), network,
+                                           float(uncorrected_degC[zone]))
         return found
 
     def _of_zone(
-        self, phase: _Phase, zone: int, errors: tuple[Array, Array, Array], network: ThermalNetwork
+        self, phase: _Phase, zone: int, errors: tuple[Array, Array, Array], network: ThermalNetwork,
+        uncorrected_degC: float,
     ) -> Iterator[JointCriterion]:
-        """Yield the criteria of a zone, of its distances at the scans and of the highest and lowest between them."""
+        """Yield the criteria of a zone, of its distances at the scans and of the highest and lowest between them.
+
+        A zone may begin a phase with any error that its controller does not correct, on either side.
+        """
         limits, name = self.specification.limits, self.zones[zone]
         seen, high, low = errors
         last, rest = seen[-max(len(seen) // 5, 2):], slice(-max(len(seen) // 5, 2), None)
@@ -639,23 +612,45 @@ class _Prover:
         yield make(name="error at rest [°C]", value=float(max(high[rest].max(), -low[rest].min())),
                    limit=limits.tolerance_degC)
         rise = max(float(self.setpoints[zone]) - network.ambients_degC[zone], 1.0)
-        over = 100.0 * float(high.max()) / rise
+        over = partial(_overshoot, make, rise)
         if phase.kind in ("heat-up", "restart", "started in turn"):
-            if limits.overshoot_pct is not None and (phase.zone in (-1, zone)):
-                yield make(name="overshoot [%]", value=over, limit=limits.overshoot_pct)
+            if phase.zone in (-1, zone):
+                yield from over("overshoot [%]", high, (limits.overshoot_pct, limits.overshoot_degC))
         elif phase.kind.startswith("after") and zone == phase.zone and "stuck" not in phase.kind:
-            if limits.reheat_overshoot_pct is not None:
-                yield make(name="overshoot after a fault [%]", value=over, limit=limits.reheat_overshoot_pct)
+            most = limits.reheat_overshoot_pct, limits.reheat_overshoot_degC
+            yield from over("overshoot after a fault [%]", high, most)
         elif phase.kind.startswith("setpoint") and zone != phase.zone:
-            yield make(name=_DEVIATION_NAME, value=float(max(high.max(), -low.min())), cause=phase.zone,
+            own = float(np.clip(seen[0], -uncorrected_degC, uncorrected_degC))
+            yield make(name=_DEVIATION_NAME, cause=phase.zone,
+                       value=float(max(high.max() - own, own - low.min())) + uncorrected_degC,
                        limit=self.specification.deviation_limit_degC(phase.change_degC))
-        elif phase.kind == "setpoint change" and limits.small_change_overshoot_pct is not None:
-            yield make(name="overshoot of a setpoint change [°C]", value=float(high.max()), limit=max(
-                limits.small_change_overshoot_pct / 100.0 * phase.change_degC, limits.tolerance_degC))
-        elif phase.kind in ("load", "load gone") and limits.recovery_overshoot_pct is not None:
-            yield make(name="overshoot after a load [%]",
-                       value=100.0 * float((high if phase.kind == "load" else -low).max()) / rise,
-                       limit=limits.recovery_overshoot_pct)
+        elif phase.kind == "setpoint change":
+            most_degC = _tightest(
+                phase.change_degC, limits.small_change_overshoot_pct, limits.small_change_overshoot_degC)
+            if most_degC is not None:
+                yield make(name="overshoot of a setpoint change [°C]", value=float(high.max()),
+                           limit=max(most_degC, limits.tolerance_degC))
+        elif phase.kind in ("load", "load gone"):
+            sides = (high, -low) if phase.kind == "load" else (-low, high)
+            yield from over("overshoot after a load [%]", sides[0], (
+                limits.recovery_overshoot_pct, limits.recovery_overshoot_degC))
+            if limits.deviation_degC is not None and zone == phase.zone:
+                yield make(name="distance after a load [°C]", value=float(sides[1].max()), limit=limits.deviation_degC)
+
+
+def _tightest(whole_degC: float, most_pct: float | None, most_degC: float | None) -> float | None:
+    """Return the lower of two limits, one of them a share of a rise or change [°C]; None where there is none [°C]."""
+    limits = [] if most_pct is None else [most_pct / 100.0 * whole_degC]
+    return min([*limits, *([] if most_degC is None else [most_degC])], default=None)
+
+
+def _overshoot(
+    make: Callable[..., JointCriterion], rise_degC: float, name: str, beyond_degC: Array,
+    most: tuple[float | None, float | None],
+) -> Iterator[JointCriterion]:
+    """Yield an overshoot as a share of the rise, if it is limited, as a share of the rise or in °C."""
+    if (limit_degC := _tightest(rise_degC, *most)) is not None:
+        yield make(name=name, value=100.0 * float(beyond_degC.max()) / rise_degC, limit=100.0 * limit_degC / rise_degC)
 
 
 @dataclass(slots=True)

@@ -74,16 +74,19 @@ class JointDesign:
                 and self.radius < 1.0)
 
 
-def zone_model(fitted: FittedNetwork, zone: int, networks: Sequence[ThermalNetwork]) -> FittedModel:
+def zone_model(
+    fitted: FittedNetwork, zone: int, networks: Sequence[ThermalNetwork], at_degC: Sequence[float] | None = None
+) -> FittedModel:
     """Return what the tuner of one loop takes: a zone with its neighbours held, and with its neighbours moving along.
 
     Args:
         fitted: the network.
         zone: its number.
         networks: plausible networks.
+        at_degC: temperatures of all zones at which the neighbours are held; None: their ambients [°C].
     """
     heaters = [heater for network in networks for heater in (
-        network.neighbours_held(zone), _alone(network).neighbours_held(zone))]
+        network.neighbours_held(zone, at_degC), _alone(network).neighbours_held(zone))]
     kept = list(dict.fromkeys(heaters))
     candidates = tuple(Candidate(
         model=heater, log=fitted.log, window_s=(0.0, 0.0), law="power logged, all zones", fit_pct=math.nan,

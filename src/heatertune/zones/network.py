@@ -163,6 +163,26 @@ class ThermalNetwork:
         return TwoLag(gain_degC_per_pct=gain, time_constant_s=max(lag, second), dead_time_s=dead,
                       second_time_constant_s=min(lag, second), ambient_degC=ambient)
 
+    def neighbours_pct(self, zone: int, temperatures_degC: Sequence[float]) -> float:
+        """Return the power of a zone that heats it as much as its neighbours do beyond their ambients [%].
+
+        Args:
+            zone: its number.
+            temperatures_degC: of all zones [°C].
+        """
+        beyond = np.asarray(temperatures_degC) - np.array(self.ambients_degC)
+        return float(self.exchange[zone] @ beyond) / self.gains_degC_per_pct[zone]
+
+    def most_drift_pct(self, zone: int, offset_degC: float) -> float:
+        """Return by how much a zone's power differs where it and its neighbours are off in opposite directions [%].
+
+        Args:
+            zone: its number.
+            offset_degC: by which each temperature may be off [°C].
+        """
+        share = 1.0 + 2.0 * float(self.exchange[zone].sum())
+        return offset_degC * share / self.gains_degC_per_pct[zone]
+
     def pulse_response(self, omega: Array, sample_time_s: float, delay_s: float = 0.0) -> Complex:
         """Return the pulse transfer matrix behind a hold at `omega` [rad/s], shape (len(omega), n, n) [°C/%].
 

@@ -25,13 +25,14 @@ from heatertune.live.client.connection import Address, address_of
 if TYPE_CHECKING:
     from heatertune.live.controller_block import Places
     from heatertune.live.joint.zone_blocks import ZonesPlaces
-    from heatertune.live.loop_watch import BandWatch, OnlineMonitor
+    from heatertune.live.loop_watch import BandWatch, OnlineMonitor, WatchStats
     from heatertune.live.recorder import RecordingState
     from heatertune.live.write.proven_words import ProvenWords
 
 __all__ = [
     "ALL_SIGNALS", "RECORD_EXAMPLE", "WATCH_EXAMPLE", "add_record", "add_watch", "add_zone_blocks", "end_requests",
-    "live_line", "show_notes", "signals_as_ctrl_c", "tell", "tell_unended", "zones_of",
+    "live_line", "show_notes", "signals_as_ctrl_c", "tell", "tell_unended", "unmoved_note",
+    "zones_of",
 ]
 
 
@@ -314,8 +315,8 @@ def _run_watch(settings: argparse.Namespace) -> int:
     LINE.end()
     if not others:  # somebody may have written some meanwhile
         others, unknown = others_there(proven, address)
-    unmoved = _unmoved(beside, so_far)
-    well = beside.seen.readings > 0 and beside.seen.well and not unmoved  # who has seen nothing knows nothing
+    unmoved = unmoved_note(beside.seen, beside.window_s, so_far)
+    well = beside.seen.well and not unmoved
     unended = unended or Hold(address).message()  # one may have begun meanwhile
     well = well and not others and (monitored is None or not monitored.messages()) and not so_far.trouble
     well = well and not unended
@@ -338,14 +339,19 @@ def _watch_zones(settings: argparse.Namespace, address: Address) -> int:
     return int(import_module("heatertune.live.commands.zone_commands").watch(settings, address))
 
 
-def _unmoved(watch: BandWatch, so_far: RecordingState) -> str:
-    """Return that nothing is known, for nothing that was read has changed and no counter says that it is new."""
-    seen = watch.seen
-    if so_far.interval_s is not None or so_far.tells_new or seen.readings == 0:
+def unmoved_note(stats: WatchStats, window_s: float, so_far: RecordingState) -> str:
+    """Return that nothing is known, as nothing that was read has changed and no counter says that it is new.
+
+    Args:
+        stats: of the watch.
+        window_s: how long a response takes [s].
+        so_far: recorded.
+    """
+    if so_far.interval_s is not None or so_far.tells_new or stats.readings == 0:
         return ""
-    if seen.still_s < min(seen.seconds, watch.window_s):
+    if stats.still_s < min(stats.seconds, window_s):
         return ""
-    return (f"{_NOT_JUDGED}: nothing that was read has changed for {seen.still_s:.4g} s, and no counter is read: a CPU "
+    return (f"{_NOT_JUDGED}: nothing that was read has changed for {stats.still_s:.4g} s, and no counter is read: a CPU "
             "that stands, a frozen sensor and a loop at rest look the same. Watch for longer")
 
 

@@ -16,7 +16,13 @@ from heatertune.cli import printing
 from heatertune.cli.printing import LINE
 from heatertune.errors import LinkError
 from heatertune.live.client.connection import Address
-from heatertune.live.commands.record_watch import end_requests, show_notes, signals_as_ctrl_c, zones_of
+from heatertune.live.commands.record_watch import (
+    end_requests,
+    show_notes,
+    signals_as_ctrl_c,
+    unmoved_note,
+    zones_of,
+)
 from heatertune.live.hold import Hold
 from heatertune.live.joint.zones_watch import ProvenZones, ZonesWatch, read_proven_zones
 from heatertune.live.joint.zones_write import (
@@ -161,7 +167,8 @@ def watch(settings: argparse.Namespace, address: Address) -> int:
             shown=_shown(settings, found), ended=lambda: bool(asked))
     LINE.end()
     messages = list(filter(None, (  # somebody may have written some meanwhile
-        unended or Hold(address).message(), *(others or _others(proven, places.addresses)))))
+        unended or Hold(address).message(), unmoved_note(found.zones[0], found.settle_s, so_far),
+        *(others or _others(proven, places.addresses)))))
     well = found.well and not messages and not so_far.trouble
     document = {"schema": "heatertune/zones-watch/1", "address": address.text, "log": str(log), "rows": so_far.rows,
                 "gaps": so_far.gaps, "lost": so_far.trouble or None, "well": well, "messages": messages,
@@ -186,7 +193,7 @@ def _shown(settings: argparse.Namespace, watched: ZonesWatch) -> Callable[[Recor
 
 
 def _of_watch(document: Mapping[str, object], watched: ZonesWatch, messages: Sequence[str]) -> Iterator[str]:
-    yield "WELL: all zones within the proven limits" if document["well"] else "NOT WELL"
+    yield "WELL: all zones inside the proven band" if document["well"] else "NOT WELL"
     yield from (each.line() for each in watched.zones)
     if document["lost"]:
         yield f"- the link was lost and is not back: {document['lost']}"

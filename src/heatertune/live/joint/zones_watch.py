@@ -11,14 +11,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
 from heatertune.errors import HeatertuneError, InputError, LinkError
-from heatertune.live.poller import Snapshot, reading_problem
+from heatertune.live.loop_watch import RestWatch, StillTime, WatchStats
+from heatertune.live.poller import Snapshot, StillSensor, reading_problem
+from heatertune.live.write.band import Reach, RiseWatch, highest_message
 from heatertune.live.write.plc_block import BlockSnapshot, Peer, runs
 from heatertune.live.write.proven_words import LEAST_YES
 from heatertune.pid.design_values import PidDesign
@@ -27,7 +29,7 @@ from heatertune.plc.ramp import Number
 from heatertune.processors import ProgressCallback
 from heatertune.units import count
 from heatertune.zones.joint_proof import JointProof
-from heatertune.zones.joint_tuning import JOINT_MS, closed_loop_radius, joint_sensitivity
+from heatertune.zones.joint_tuning import JOINT_MS, closed_loop_radius, joint_sensitivity, zone_model
 from heatertune.zones.zones_folder import ZonesDesign, prove_again, read_zones_design
 
 __all__ = [
@@ -142,45 +144,21 @@ _SMALL: Final = 0.25  # of the rise from the ambient: up to there a zone settles
 _STILL_S: Final = 5.0
 _STILL: Final = 4.0  # sampling intervals without a new scan: the CPU stands
 _APART: Final = 0.2  # of the time to settle; nearer stretches are one
+_PERIODS: Final = 3.0  # of PWM, over which swing and power at rest are watched at least
 _DISTURBED: Final = 0.01  # of the readings: so many may be unusable
 
 
 @dataclass(slots=True, kw_only=True)
-class ZoneWatchStats:
+class ZoneWatchStats(WatchStats):
     """What a watch has seen of a zone.
 
     Attributes:
         zone: its name.
-        readings: compared with the limits.
-        unusable: readings that are no number, or outside the sensor's range.
-        unusable_in_a_row: the most of them one after the other.
-        problem: why the last of them was unusable.
-        outside: stretches outside the limits: from, until [s of the log].
-        limits: lowest and highest temperature now [°C].
-        used: largest share of the limits' half width.
         temperature_degC: the latest reading [°C].
     """
 
     zone: str
-    readings: int = 0
-    unusable: int = 0
-    unusable_in_a_row: int = 0
-    problem: str = ""
-    outside: list[tuple[float, float]] = field(default_factory=list)
-    limits: tuple[float, float] | None = None
-    used: float = 0.0
     temperature_degC: float = math.nan
-
-    @property
-    def well(self) -> bool:
-        """Whether there is nothing to report, and at least one reading was compared."""
-        usable = self.unusable_in_a_row < _IN_A_ROW and self.unusable <= _DISTURBED * self.readings
-        return self.readings > 0 and not self.outside and usable
-
-    def notes(self) -> tuple[str, ...]:
-        """Return what has to be reported, one sentence each."""
-        lines = [f"{count(self.unusable, 'reading')} could not be used: {self.problem}"] if self.unusable else []
-        return (*lines, *(f"from {begin:.6g} to {end:.6g} s outside the proven limits" for begin, end in self.outside))
 
     def line(self) -> str:
         """Return the zone on one line."""
@@ -188,14 +166,41 @@ class ZoneWatchStats:
             return f"{self.zone}: nothing was seen" + (f"; {self.problem}" if self.problem else "")
         state = "WELL" if self.well else "NOT WELL"
         head = (f"{self.zone}: {state}, {self.readings} readings, last {self.temperature_degC:.4g} °C; at most "
-                f"{100.0 * self.used:.0f} % of the proven limits")
+                f"{100.0 * self.used:.0f} % of the proven band")
         return "; ".join([head, *self.notes()])
 
     def to_document(self) -> dict[str, object]:
         """Return it as JSON holds it."""
-        return {"zone": self.zone, "well": self.well, "readings": self.readings, "unusable": self.unusable,
-                "outside_s": [list(each) for each in self.outside], "largest_share_of_limits": self.used,
-                "messages": list(self.notes())}
+        return {"zone": self.zone, "well": self.well, **WatchStats.to_document(self)}
+
+
+class _ZoneSensor:
+    """Tells a frozen sensor, and a temperature that rises too fast, of a zone among neighbours of known temperature."""
+
+    def __init__(self, proven: ProvenZones, zone: int) -> None:
+        fitted, spec = proven.design.fitted, proven.design.specification
+        networks, conditions = [network for _, network in fitted.draw(0)], proven.design.conditions
+        self._zone, self._networks = zone, networks
+        self._still = [StillSensor([network.neighbours_held(zone)], spec.limits.tolerance_degC) for network in networks]
+        noise_degC = max(conditions.noise_degC, *(fitted.noise_degC[zone:zone + 1]), 0.0)
+        self._rise = RiseWatch(Reach(proven.design.words[zone], zone_model(
+            fitted, zone, networks, spec.setpoints_degC), noise_degC))
+
+    def frozen(self, time_s: float, temperatures_degC: Sequence[float], power_pct: float) -> str:
+        """Return why the sensor is frozen on every plausible network, a sentence; empty where it need not be.
+
+        Args:
+            time_s: of the readings [s].
+            temperatures_degC: of all zones [°C].
+            power_pct: of the zone; no number: not known [%].
+        """
+        found = [still.see(time_s, temperatures_degC[self._zone], power_pct + network.neighbours_pct(
+            self._zone, temperatures_degC)) for network, still in zip(self._networks, self._still, strict=True)]
+        return found[0] if all(found) else ""
+
+    def rise(self, time_s: float, degC: float) -> str:
+        """Return why a temperature rises too fast, see `RiseWatch`."""
+        return self._rise.see(time_s, degC)
 
 
 class ZonesWatch:
@@ -205,20 +210,20 @@ class ZonesWatch:
         zones: what was seen of each zone.
         settle_s: longest time to settle after a small change [s].
         heat_s: longest time to settle after a heat-up [s].
+        seconds: that were watched [s].
     """
 
     def __init__(self, proven: ProvenZones) -> None:
         """Compare with a proof."""
         design, proof = proven.design, proven.proof
-        network, words = design.fitted.network, design.words[0]
-        self.zones = tuple(ZoneWatchStats(zone=zone) for zone in design.zones)
-        self._sensor_degC = words.scaling.sensor_degC
+        network, words, limits = design.fitted.network, design.words[0], design.specification.limits
+        self._conditions, self._sensor_degC = design.conditions, words.scaling.sensor_degC
         step = words.scaling.span_degC / controller_for(words.target).sensor(words.scaling).counts
         noise = max(step, *(_SIGMAS * each for each in (design.conditions.noise_degC, *design.fitted.noise_degC)))
         worst = {each.name: each.value for each in proof.criteria}
         share = 0.01 * max(worst.get(name, 0.0) for name in _OVERSHOOTS)
         moved = max(worst.get(name, 0.0) for name in _MOVES)
-        self._rest_degC = design.specification.limits.tolerance_degC + noise
+        self._rest_degC = limits.tolerance_degC + noise
         rises = np.array(design.specification.setpoints_degC) - np.array(network.ambients_degC)
         self._rises_degC = [max(float(rise), 1.0) for rise in rises]
         self._small_degC = self._rest_degC + max(moved, 0.0)
@@ -228,26 +233,40 @@ class ZonesWatch:
         self._since_s, self._settles_s = math.nan, 0.0
         self._from: list[float] = []
         self._asked: list[float] = []
-        self._rows = [0] * len(self.zones)
-        self._unusable = [0] * len(self.zones)
-        self.seconds = 0.0
-        self._first_s = math.nan
+        self._rows, self._unusable = [0] * len(design.zones), [0] * len(design.zones)
+        self._still_time, self.seconds = StillTime(), 0.0
+        self.zones = tuple(ZoneWatchStats(zone=zone, least_drift_pct=network.most_drift_pct(
+            number, limits.tolerance_degC)) for number, zone in enumerate(design.zones))
+        self._sensors = [_ZoneSensor(proven, zone) for zone in range(len(self.zones))]
+        self._rest = [RestWatch(stats, window_s=max(self.settle_s, _PERIODS * design.pwm_period_s),
+                                pwm_s=design.pwm_period_s, within_degC=self._rest_degC) for stats in self.zones]
 
     def see(self, look: Snapshot) -> str:
         """Take a look; return why a zone is outside its limits for several readings; empty where none is."""
         seen = [look.signals[f"{each.zone} temperature"] for each in self.zones]
         asked = [look.signals[f"{each.zone} setpoint"] for each in self.zones]
-        self._first_s = look.time_s if math.isnan(self._first_s) else self._first_s
-        self.seconds = look.time_s - self._first_s
+        powers = [look.signals.get(f"{each.zone} power", math.nan) for each in self.zones]
+        still_s, self.seconds = self._still_time.see(look)
+        for each in self.zones:
+            each.still_s, each.seconds = still_s, self.seconds
         usable = [self._is_usable(zone, degC, setpoint) for zone, (degC, setpoint) in enumerate(
             zip(seen, asked, strict=True))]
         if all(usable):
             self._note_change(look, seen, asked)
+            self._note_sensors(look.time_s, seen, powers)
         if not self._asked:
             return self._unusable_reason()
-        found = [self._compare(zone, stats, look.time_s, seen[zone])
+        found = [self._compare(zone, stats, look.time_s, seen[zone], powers[zone])
                  for zone, stats in enumerate(self.zones) if usable[zone]]
-        return next(filter(None, found), self._unusable_reason())
+        alarms = (f"zone {each.zone}: {each.alarm or each.frozen}" for each in self.zones if each.alarm or each.frozen)
+        return next(filter(None, found), next(alarms, self._unusable_reason()))
+
+    def _note_sensors(self, time_s: float, temperatures_degC: Sequence[float], powers_pct: Sequence[float]) -> None:
+        """Take note of sensors that are frozen, and of temperatures that are too high or rise too fast."""
+        for stats, sensor, degC, power in zip(self.zones, self._sensors, temperatures_degC, powers_pct, strict=True):
+            stats.frozen = sensor.frozen(time_s, temperatures_degC, power) or stats.frozen
+            rise = sensor.rise(time_s, degC)
+            stats.alarm = stats.alarm or highest_message(self._conditions, degC) or rise
 
     def _note_change(self, look: Snapshot, readings: list[float], setpoints: list[float]) -> None:
         """Take note of where all zones are when a setpoint changes, and at the begin."""
@@ -259,26 +278,24 @@ class ZonesWatch:
         self._since_s = look.time_s
         self._settles_s = (self.heat_s if far else self.settle_s) + max(0.0, left_s)
         self._from, self._asked = readings, setpoints
+        for each in self._rest:
+            each.restart()
 
-    def _compare(self, zone: int, stats: ZoneWatchStats, time_s: float, degC: float) -> str:
-        setpoint = self._asked[zone]
+    def _compare(self, zone: int, stats: ZoneWatchStats, time_s: float, degC: float, power_pct: float) -> str:
+        setpoint, stats.temperature_degC = self._asked[zone], degC
         if time_s - self._since_s > self._settles_s:
             low, high = setpoint - self._rest_degC, setpoint + self._rest_degC
+            if math.isfinite(power_pct):
+                self._rest[zone].see(time_s, degC, power_pct)
         else:
             low, high = sorted((self._from[zone], setpoint))
             beyond = self._small_degC if self._is_small else self._beyond_degC[zone]
             low, high = low - beyond, high + beyond
-        stats.limits, stats.temperature_degC = (low, high), degC
-        used = abs(2.0 * degC - low - high) / (high - low)
-        stats.readings, stats.used = stats.readings + 1, max(stats.used, used)
-        self._rows[zone] = 0 if used <= 1.0 else self._rows[zone] + 1
+        self._rows[zone] = 0 if stats.compare(degC, (low, high)) else self._rows[zone] + 1
         if self._rows[zone] < _IN_A_ROW:
             return ""
-        if stats.outside and time_s - stats.outside[-1][1] < _APART * self.settle_s:
-            stats.outside[-1] = stats.outside[-1][0], time_s
-        else:
-            stats.outside.append((time_s, time_s))
-        return f"zone {stats.zone}: {degC:.4g} °C is outside the proven limits, {low:.4g} to {high:.4g} °C"
+        stats.note_outside(time_s, _APART * self.settle_s)
+        return f"zone {stats.zone}: {degC:.4g} °C is outside the proven band, {low:.4g} to {high:.4g} °C"
 
     def _is_usable(self, zone: int, degC: float, setpoint: float) -> bool:
         problem = reading_problem(degC, self._sensor_degC)
@@ -369,7 +386,7 @@ class _Response:
     @property
     def progress(self) -> str:
         """How far it is."""
-        return f"all zones within the proven limits, {self._watch.seconds:.0f} of {self._duration_s:.0f} s"
+        return f"all zones inside the proven band, {self._watch.seconds:.0f} of {self._duration_s:.0f} s"
 
     def look(self) -> tuple[str, str]:
         """Look at all zones; return why their words have to be taken back, and why the watch ends early; empty: not.
@@ -387,7 +404,8 @@ class _Response:
             return "", "the CPU runs no scan" if now_s - self._moved_s > self._still_s else ""
         self._moved_s, self._last_s, self._looks = now_s, time_s, self._looks + 1
         signals = {f"{zone.zone} {role}": peer.standing.signal(look.content, role) for zone, peer, look in zip(
-            self._watch.zones, self._peers, looks, strict=True) for role in ("temperature", "setpoint")}
+            self._watch.zones, self._peers, looks, strict=True) for role in ("temperature", "setpoint", "power")
+                   if role in peer.standing.block.signals}
         return self._watch.see(Snapshot(time_s, signals)), ""
 
     def _changed(self, looks: Sequence[BlockSnapshot]) -> str:

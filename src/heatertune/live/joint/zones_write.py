@@ -342,7 +342,7 @@ class _ZonesWrite:
                                          end.stands) for zone, end in self._ends.items()}
             return self._ended(f"the words are in the PLC; {told}, then: {found.ended_early}")
         return self._ended(f"the words of {len(plan.order)} zones are in the PLC, read back; {told}, "
-                           f"{100.0 * found.most:.0f} % of the proven limits used")
+                           f"{100.0 * found.most:.0f} % of the proven band used")
 
     def _taken_back(self, why: str, but: int = -1) -> ZonesWriteResult:
         """Take back the zones that were written, the last first; `but` has taken back its own words."""

@@ -32,6 +32,7 @@ from heatertune.plc.ramp import Number
 from heatertune.proof.heaters import MAINS_POWERS, labelled_heaters
 from heatertune.proof.scenario import delay_heater
 from heatertune.proof.specification import highest_temperature
+from heatertune.settings import Conditions
 from heatertune.units import count
 
 __all__ = ["Band", "Reach", "RiseWatch", "WatchResult", "band_degC", "carried_s", "highest_message",
@@ -222,9 +223,9 @@ class Band:
         return {name: getattr(self, name) for name in self.__slots__}
 
 
-def highest_message(proven: ProvenWords, degC: float) -> str:
+def highest_message(conditions: Conditions, degC: float) -> str:
     """Return that a reading is at the highest temperature of the specification; empty where it is below."""
-    highest = highest_temperature(proven.conditions)
+    highest = highest_temperature(conditions)
     return "" if highest is None or degC < highest else (
         f"{degC:.4g} °C: the specification or interlock allows less than {highest:g} °C")
 
@@ -363,7 +364,7 @@ class _Watch:
             self._record.write_line("unusable", s=round(self.seconds, 3), told=problem, **look.to_document())
             return problem if self._unusable_row >= _IN_A_ROW else ""
         rise = self._rise.see(look.time_s, seen)
-        if stop := highest_message(self._proven, seen) or self._frozen(look, seen):
+        if stop := highest_message(self._proven.conditions, seen) or self._frozen(look, seen):
             return stop
         if self._jumped_before:
             return self._jumped_before
