@@ -7,6 +7,7 @@ import pytest
 
 from heatertune.chain import stages
 from heatertune.log import read_log
+from heatertune.model.diagnostics import unit_change_findings
 from heatertune.model.fit import fit, fit_together
 
 GAIN, TIME_CONSTANT, DEAD_TIME, AMBIENT = 0.6, 60.0, 4, 22.0
@@ -104,3 +105,36 @@ def test_an_ambient_that_the_log_never_comes_near_is_not_asked_about():
     fitted = fit(read("\n".join(rows[:1] + rows[101:])))
     assert fitted.model.ambient_degC == pytest.approx(240.0, abs=3.0)
     assert "unit-assumed" not in findings_of(fitted)
+
+
+@pytest.mark.parametrize("other", [lambda degC: 1.8 * degC + 32.0, lambda degC: degC + 273.15], ids=["°F", "K"])
+@pytest.mark.parametrize("first", [True, False], ids=["before", "after"])
+@pytest.mark.parametrize("row", [60, 250, 400])
+def test_a_temperature_that_goes_on_in_another_unit_is_asked_about(other, first, row):
+    lines = [line.split(",") for line in heater_rows("time_s,temp_C,power_pct").split()]
+    for line in lines[1:row + 1] if first else lines[row + 1:]:
+        line[1] = f"{other(float(line[1])):.4f}"
+    log = read("\n".join(",".join(line) for line in lines), power_full_scale=100.0)
+    message = next(finding.message for finding in unit_change_findings([log]))
+    assert message.endswith(f"--until {row - 1} or --from {row}")
+    assert unit_change_findings([log.window(0.0, row - 1.0), log.window(float(row), 519.0)]) == ()
+
+
+@pytest.mark.parametrize(("other", "option"), [
+    (lambda degC: 1.8 * degC + 32.0, "degF"), (lambda degC: degC + 273.15, "K")], ids=["°F", "K"])
+def test_a_part_in_one_unit_is_the_true_heater(other, option):
+    lines = [line.split(",") for line in heater_rows("time_s,temp_C,power_pct").split()]
+    for line in lines[1:401]:
+        line[1] = f"{other(float(line[1])):.4f}"
+    part = read("\n".join(",".join(line) for line in lines), power_full_scale=100.0, temperature_unit=option)
+    fitted = fit(part, until_s=399.0)
+    assert "unit-assumed" not in findings_of(fitted)
+    assert fitted.model.gain_degC_per_pct == pytest.approx(GAIN, rel=0.03)
+
+
+@pytest.mark.parametrize("drop_degC", [3.0, 8.0, 12.0, 25.0])
+def test_cold_goods_are_no_other_unit(drop_degC):
+    lines = [line.split(",") for line in heater_rows("time_s,temp_C,power_pct").split()]
+    for line in lines[270:]:
+        line[1] = f"{float(line[1]) - drop_degC:.4f}"
+    assert unit_change_findings([read("\n".join(",".join(line) for line in lines), power_full_scale=100.0)]) == ()

@@ -15,7 +15,7 @@ from heatertune.model.statistics import Interval
 from heatertune.units import degF_to_degC
 
 __all__ = ["DROP_PCT", "Remark", "fast_remarks", "findings_of", "level_remarks", "neighbour_findings",
-           "poor_remarks", "unit_findings"]
+           "poor_remarks", "unit_change_findings", "unit_findings"]
 
 #: allowed loss of fit in cross-validation [%]
 DROP_PCT = 10.0
@@ -29,6 +29,10 @@ _LEAST_TIME_CONSTANT_S = 0.5  # a wire in a stream of air is as fast
 _MOST_TIME_CONSTANT_S = 3.0 * 86400.0
 _MOST_DEAD_TIME_S = 3600.0
 _MOST_RISE_DEGC = 4000.0  # at full power: tungsten melts at 3422 °C
+_JUMP = 8.0  # times the usual change from row to row
+_USUAL = 0.99  # share of the changes that are no larger
+_LEAST_DEGC = 0.05
+_ROWS_EACH_SIDE = 5  # of a jump, without another one
 _HOLDS = {"time": "the time", "temperature": "the temperature", "power": "the power"}
 
 
@@ -86,6 +90,33 @@ def unit_findings(fitted: FittedModel, logs: Sequence[Log]) -> tuple[Finding, ..
         if taken.begins_as_room and "temperature" not in doubts:
             findings.append(_begins_as_room(taken, float(log.temperature_degC[0])))
     return tuple(findings)
+
+
+def unit_change_findings(logs: Sequence[Log]) -> tuple[Finding, ...]:
+    """Return a finding for each log whose temperature goes on in another unit from some row on.
+
+    It jumps there by many times its usual change, to what the last reading is in the other unit, and stays.
+    """
+    return tuple(found for log in logs if (found := _unit_change(log)) is not None)
+
+
+def _unit_change(log: Log) -> Finding | None:
+    time, readings = log.time_s, log.temperature_degC
+    steps, changes = np.diff(time), np.diff(readings)
+    if len(changes) < _ROWS_EACH_SIDE:
+        return None
+    usual = max(float(np.quantile(np.abs(changes), _USUAL)), _LEAST_DEGC)
+    jumps = np.flatnonzero((np.abs(changes) > _JUMP * usual) & (steps <= 2.0 * np.median(steps)))
+    for row in (int(jump) for jump in jumps if _ROWS_EACH_SIDE <= jump < len(changes) - _ROWS_EACH_SIDE):
+        before, after = float(readings[row]), float(readings[row + 1])
+        for one, other, same in (("°F", "°C", (before - 32.0) / 1.8), ("°C", "°F", 1.8 * before + 32.0),
+                                 ("K", "°C", before - 273.15), ("°C", "K", before + 273.15)):
+            if abs(after - same) <= 2.0 * usual and np.count_nonzero(np.abs(jumps - row) <= _ROWS_EACH_SIDE) == 1:
+                return Finding(name="unit-assumed", message=(
+                    f"the temperature of {log.name} jumps from {before:.4g} to {after:.4g} after {time[row]:g} s, as "
+                    f"from {one} to {other}: check, and use one part with its unit (--temperature-unit): --until "
+                    f"{time[row]:g} or --from {time[row + 1]:g}"))
+    return None
 
 
 def _begins_as_room(taken: ReadSummary, first_degC: float) -> Finding:

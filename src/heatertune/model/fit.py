@@ -12,7 +12,7 @@ import numpy as np
 from heatertune.errors import InputError, OutOfRange
 from heatertune.log.log_values import MOST_REPAIRED, Log
 from heatertune.model.circumstances import DelaysKnown, with_neighbours, with_power_a_row_late
-from heatertune.model.diagnostics import Remark, findings_of, neighbour_findings, unit_findings
+from heatertune.model.diagnostics import Remark, findings_of, neighbour_findings, unit_change_findings, unit_findings
 from heatertune.model.disturbance import DisturbanceEffect, LossEffect
 from heatertune.model.findings import Finding
 from heatertune.model.model_values import FitOutcome, FittedModel, model_by_hand
@@ -108,7 +108,7 @@ def fit(
         notes += () if effect is None else (effect.sentence,)
         fitted = replace(fitted, findings=(*fitted.findings, *findings_of(loop)), disturbance=effect)
     fitted = with_neighbours(delays.apply_to(replace(fitted, notes=notes + fitted.notes), [used]), alone=given.alone)
-    return _of_files(fitted, [log])
+    return _of_files(fitted, [log], [used])
 
 
 def _fit_unlogged(
@@ -280,7 +280,7 @@ def fit_known(
         method=f"power by {hypotheses[0].law} on the logged readings; {fitted.method}",
         notes=(*notes, *replay, *(remark.sentence for remark in loop), *fitted.notes),
         findings=(*fitted.findings, *findings_of(loop)),
-    ), [used]), [log])
+    ), [used]), [log], [used])
 
 
 def fit_together(
@@ -343,18 +343,18 @@ def fit_together(
         fitted = fit_temperature(
             parts, laws, ambient_degC=bounds, seed=seed, largest_power_pct=given.largest_power_pct)
     fitted = with_neighbours(delays.apply_to(replace(fitted, notes=(*notes, *fitted.notes)), parts), alone=given.alone)
-    return _of_files(fitted, logs)
+    return _of_files(fitted, logs, parts)
 
 
-def _of_files(fitted: FittedModel, logs: Sequence[Log]) -> FittedModel:
-    """Return the fit with the read summary of each file, and a finding for each file with many repairs."""
+def _of_files(fitted: FittedModel, logs: Sequence[Log], used: Sequence[Log]) -> FittedModel:
+    """Return the fit with the read summary of each file, and its findings; `used`: the part of each that was fitted."""
     taken = [log.taken for log in logs if log.taken is not None]
     repaired = [f"{reading.file}: {reading.repaired_share:.2%} of {reading.rows_read} rows were left out or repaired"
                 for reading in taken if reading.repaired_share > MOST_REPAIRED]
     return replace(
         fitted, log_summary=tuple(reading.line for reading in taken),
         findings=(*fitted.findings, *(Finding(name="repaired", message=sentence) for sentence in repaired),
-                  *unit_findings(fitted, logs), *neighbour_findings(logs)),
+                  *unit_findings(fitted, logs), *unit_change_findings(used), *neighbour_findings(logs)),
     )
 
 
