@@ -10,9 +10,9 @@ from heatertune.chain.stages import fit
 from heatertune.errors import InputError
 from heatertune.log import read_log
 from heatertune.log.log_values import Log
+from heatertune.model.findings import KINDS
 from heatertune.model.fit import fit_known
 from heatertune.model.model_values import FitOutcome
-from heatertune.model.findings import KINDS
 from heatertune.model.temperature.closed_loop import Hypothesis, LogSegment
 from heatertune.model.temperature.fit_temperature import _power_remarks
 from heatertune.plc.s7_200_paper.step import LAWS
