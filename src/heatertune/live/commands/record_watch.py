@@ -351,8 +351,8 @@ def unmoved_note(stats: WatchStats, window_s: float, so_far: RecordingState) -> 
         return ""
     if stats.still_s < min(stats.seconds, window_s):
         return ""
-    return (f"{_NOT_JUDGED}: nothing that was read has changed for {stats.still_s:.4g} s, and no counter is read: a CPU "
-            "that stands, a frozen sensor and a loop at rest look the same. Watch for longer")
+    return (f"{_NOT_JUDGED}: nothing that was read has changed for {stats.still_s:.4g} s, and no counter is read: a "
+            "CPU that stands, a frozen sensor and a loop at rest look the same. Watch for longer")
 
 
 def _monitored(path: str | None, proven: ProvenWords) -> OnlineMonitor | None:
