@@ -107,27 +107,29 @@ def test_an_ambient_that_the_log_never_comes_near_is_not_asked_about():
     assert "unit-assumed" not in findings_of(fitted)
 
 
-@pytest.mark.parametrize("other", [lambda degC: 1.8 * degC + 32.0, lambda degC: degC + 273.15], ids=["°F", "K"])
+@pytest.mark.parametrize(("other", "both"), [(lambda degC: 1.8 * degC + 32.0, True), (lambda degC: degC + 273.15, False)], ids=["°F", "K"])
 @pytest.mark.parametrize("first", [True, False], ids=["before", "after"])
 @pytest.mark.parametrize("row", [60, 250, 400])
-def test_a_temperature_that_goes_on_in_another_unit_is_asked_about(other, first, row):
+def test_a_temperature_that_goes_on_in_another_unit_is_asked_about(other, both, first, row):
     lines = [line.split(",") for line in heater_rows("time_s,temp_C,power_pct").split()]
     for line in lines[1:row + 1] if first else lines[row + 1:]:
         line[1] = f"{other(float(line[1])):.4f}"
     log = read("\n".join(",".join(line) for line in lines), power_full_scale=100.0)
     message = next(finding.message for finding in unit_change_findings([log]))
-    assert message.endswith(f"--until {row - 1} or --from {row}")
+    until, begin = f": --until {row - 1}", f" --from {row}"
+    assert message.endswith(f"{until} or{begin}" if both else f":{begin}" if first else until), "no part in K can be read beside °C"
     assert unit_change_findings([log.window(0.0, row - 1.0), log.window(float(row), 519.0)]) == ()
 
 
-@pytest.mark.parametrize(("other", "option"), [
-    (lambda degC: 1.8 * degC + 32.0, "degF"), (lambda degC: degC + 273.15, "K")], ids=["°F", "K"])
-def test_a_part_in_one_unit_is_the_true_heater(other, option):
+@pytest.mark.parametrize(("other", "unit", "part"), [
+    (lambda degC: 1.8 * degC + 32.0, "degF", {"until_s": 99.0}), (lambda degC: 1.8 * degC + 32.0, None, {"from_s": 100.0}),
+    (lambda degC: degC + 273.15, None, {"from_s": 100.0})], ids=["°F", "after °F", "after K"])
+def test_a_part_in_one_unit_is_the_true_heater(other, unit, part):
     lines = [line.split(",") for line in heater_rows("time_s,temp_C,power_pct").split()]
-    for line in lines[1:401]:
+    for line in lines[1:101]:
         line[1] = f"{other(float(line[1])):.4f}"
-    part = read("\n".join(",".join(line) for line in lines), power_full_scale=100.0, temperature_unit=option)
-    fitted = fit(part, until_s=399.0)
+    log = read("\n".join(",".join(line) for line in lines), power_full_scale=100.0, temperature_unit=unit or "degC")
+    fitted = fit(log, **part)
     assert "unit-assumed" not in findings_of(fitted)
     assert fitted.model.gain_degC_per_pct == pytest.approx(GAIN, rel=0.03)
 

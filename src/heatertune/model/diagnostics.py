@@ -109,13 +109,14 @@ def _unit_change(log: Log) -> Finding | None:
     jumps = np.flatnonzero((np.abs(changes) > _JUMP * usual) & (steps <= 2.0 * np.median(steps)))
     for row in (int(jump) for jump in jumps if _ROWS_EACH_SIDE <= jump < len(changes) - _ROWS_EACH_SIDE):
         before, after = float(readings[row]), float(readings[row + 1])
-        for one, other, same in (("°F", "°C", (before - 32.0) / 1.8), ("°C", "°F", 1.8 * before + 32.0),
-                                 ("K", "°C", before - 273.15), ("°C", "K", before + 273.15)):
+        until, begin = f"--until {time[row]:g}", f"--from {time[row + 1]:g}"
+        for change, same, parts in (
+                ("°F to °C", (before - 32.0) / 1.8, f"{until} or {begin}"), ("K to °C", before - 273.15, begin),
+                ("°C to °F", 1.8 * before + 32.0, f"{until} or {begin}"), ("°C to K", before + 273.15, until)):
             if abs(after - same) <= 2.0 * usual and np.count_nonzero(np.abs(jumps - row) <= _ROWS_EACH_SIDE) == 1:
                 return Finding(name="unit-assumed", message=(
                     f"the temperature of {log.name} jumps from {before:.4g} to {after:.4g} after {time[row]:g} s, as "
-                    f"from {one} to {other}: check, and use one part with its unit (--temperature-unit): --until "
-                    f"{time[row]:g} or --from {time[row + 1]:g}"))
+                    f"from {change}: check, and use one part with its unit (--temperature-unit): {parts}"))
     return None
 
 
