@@ -19,7 +19,7 @@ from heatertune.proof.prove_words import actuator_for
 from heatertune.proof.specification import preset
 from heatertune.settings import Conditions
 from heatertune.zones import design_zones, network_by_hand
-from heatertune.zones.joint_loop import ZoneEvent, ZoneLoop, offsets_for, run_zones, uncorrected_degC
+from heatertune.zones.joint_loop import ZoneEvent, ZoneLoop, offsets_for, residual_error_degC, run_zones
 from heatertune.zones.joint_proof import prove_zones, specification_for
 from heatertune.zones.joint_tuning import (
     JointDesign,
@@ -289,15 +289,22 @@ def test_general_limits_are_used():
     assert specification_for(fitted, 60.0, Conditions()).limits == preset("general").limits_for(252.0)
 
 
-@pytest.mark.parametrize(("whole", "counts"), [(True, 2), (False, 0)])
-def test_an_error_whose_increment_is_below_one_stays(whole, counts):
+@pytest.mark.parametrize(("gain", "product", "whole", "counts"), [
+    (8.0, 0.4, True, 2), (8.0, 0.4, False, 0), (1.0, 0.4, True, 2), (1.0, 0.048, True, 20), (0.5, 0.048, True, 20)])
+def test_an_error_whose_increment_is_below_one_stays(gain, product, whole, counts):
     """K·TI of 0.4 moves the output by 0.4 for a count of error: whole increments leave two counts, remainders none."""
     words = separate((8.0,), (80.0,), "s5-ob251", 3.2).words[0]
-    gain = words.values["K"] / 1024.0
-    words = replace(words, values={**words.values, "TI": round(0.4 / gain * 1024.0)})
+    words = replace(words, values={**words.values, "K": round(1024.0 * gain), "TI": round(product / gain * 1024.0)})
     setting = {"rounding": "whole_increments"} if whole else {}
-    assert uncorrected_degC(words, setting) == pytest.approx(counts * 100.0 / 2047.0)
-    assert uncorrected_degC(separate((8.0,), (80.0,)).words[0], {}) == 0.0  # REAL
+    assert residual_error_degC(words, setting) == pytest.approx(counts * 100.0 / 2047.0)
+    assert residual_error_degC(separate((8.0,), (80.0,)).words[0], {}) == 0.0  # REAL
+
+
+def test_an_error_that_stays_beyond_a_quarter_of_the_range_is_not_told_as_a_smaller_one():
+    # K·TI of 1/1024: 1,024 of the sensor's 2,047 counts stay
+    words = separate((1.0,), (80.0,), "s5-ob251", 3.2).words[0]
+    words = replace(words, values={**words.values, "K": 1024, "TI": 1})
+    assert residual_error_degC(words, {"rounding": "whole_increments"}) > 0.25 * 100.0 - 0.05
 
 
 def test_a_limit_in_degrees_counts_and_one_that_no_run_judges_is_named():

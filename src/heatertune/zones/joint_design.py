@@ -15,7 +15,7 @@ from heatertune.errors import InputError
 from heatertune.plc import Scaling, controller_for
 from heatertune.settings import Conditions
 from heatertune.zones.identify import FittedNetwork
-from heatertune.zones.joint_proof import UNHELD, JointProof, ZoneSpecification, prove_zones, specification_for
+from heatertune.zones.joint_proof import HOLDING_POWERS, JointProof, ZoneSpecification, prove_zones, specification_for
 from heatertune.zones.joint_tuning import JOINT_MS, JointTuner
 
 __all__ = ["design_zones"]
@@ -55,7 +55,7 @@ def design_zones(
                          "steps of each zone's power, which narrows the intervals")
     shortest_s = proofs[0].design.designs[0].sample_time_s
     for factor in _LONGER if sample_time_s is None else ():
-        if proofs[-1].verdict != "FAIL" or _is_unheld(proofs[-1]):
+        if proofs[-1].verdict != "FAIL" or _needs_more_power(proofs[-1]):
             break
         longer_s = controller_for(target).timer.round(factor * shortest_s)
         proofs += _proofs_of(at_interval(sample_time_s=longer_s), partial(prove, first=proofs[-1].runs[-1]))
@@ -68,7 +68,7 @@ def _proofs_of(tuner: JointTuner, prove: Callable[..., JointProof]) -> list[Join
     proofs = list[JointProof]()
     for design in islice(tuner.designs(), _ATTEMPTS):
         proofs.append(prove(design, up_to_failure=True))
-        if proofs[-1].verdict != "FAIL" or _is_unheld(proofs[-1]):
+        if proofs[-1].verdict != "FAIL" or _needs_more_power(proofs[-1]):
             return proofs
     proof = min(proofs, key=_worst_share, default=None)
     for _ in range(_ATTEMPTS):  # all zones alike did not help: that alone which moves the others
@@ -82,9 +82,9 @@ def _proofs_of(tuner: JointTuner, prove: Callable[..., JointProof]) -> list[Join
     return proofs
 
 
-def _is_unheld(proof: JointProof) -> bool:
+def _needs_more_power(proof: JointProof) -> bool:
     """Return whether the setpoints cannot be held, which no tuning mends."""
-    return any(each.name in UNHELD and not each.ok for each in proof.criteria)
+    return any(each.name in HOLDING_POWERS and not each.ok for each in proof.criteria)
 
 
 def _worst_share(proof: JointProof) -> float:

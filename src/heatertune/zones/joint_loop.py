@@ -38,8 +38,17 @@ from heatertune.zones.joint_kernel import (
 from heatertune.zones.network import ThermalNetwork
 
 __all__ = [
-    "JointTrace", "ZoneEvent", "ZoneLoop", "bound_kernel", "event_arrays", "memory_at_rest", "nested_pairs",
-    "network_arrays", "offsets_for", "run_zones", "uncorrected_degC",
+    "JointTrace",
+    "ZoneEvent",
+    "ZoneLoop",
+    "bound_kernel",
+    "event_arrays",
+    "memory_at_rest",
+    "nested_pairs",
+    "network_arrays",
+    "offsets_for",
+    "residual_error_degC",
+    "run_zones",
 ]
 
 _MOST_PLAIN: Final = 20_000  # scans of all zones that take as long as to compile the kernel
@@ -48,7 +57,7 @@ _MIDDLE_PCT: Final = 40.0  # power from which on an error may move it to both si
 _FREE_PCT: Final = 2.0  # from a limit of the power: nearer, it may stay for that reason
 _FADING: Final = 10  # scans after which P and D parts stay
 _STAYS: Final = 300  # scans without a change of the power: such an error is never corrected
-_MOST_COUNTS: Final = 256  # errors that are tried [counts of the sensor]
+_OF_RANGE: Final = 0.25  # of the sensor's counts: larger errors are not tried
 
 
 class ZoneEvent(NamedTuple):
@@ -173,25 +182,27 @@ def run_zones(
         highest_degC=out.highest, lowest_degC=out.lowest, overflows=int(memory.overflows[0]))
 
 
-def uncorrected_degC(words: Words, switches: Mapping[str, str]) -> float:
+def residual_error_degC(words: Words, switches: Mapping[str, str]) -> float:
     """Return the largest error that a controller of whole numbers never corrects, as it moves by whole increments [°C].
 
     Args:
         words: of the controller.
         switches: open point → setting.
     """
-    return _uncorrected_counts(_Integral(words, tuple(sorted(switches.items())))) * words.scaling.span_degC / (
-        controller_for(words.target).sensor(words.scaling).counts)
+    counts = controller_for(words.target).sensor(words.scaling).counts
+    limit = int(_OF_RANGE * counts)
+    integral = _Integral(words, tuple(sorted(switches.items())), limit)
+    return _residual_counts(integral, limit) * words.scaling.span_degC / counts
 
 
 class _Integral:
     """The integral part of one controller while its error stays as it is."""
 
-    def __init__(self, words: Words, switches: tuple[tuple[str, str], ...]) -> None:
+    def __init__(self, words: Words, switches: tuple[tuple[str, str], ...], limit: int) -> None:
         controller, scaling = controller_for(words.target), words.scaling
         self._own = in_loop(controller, words, [scaling.low_degC], dict(switches), direct=True)
         self._middle_degC = scaling.low_degC + 0.5 * scaling.span_degC + 0.25 * self._own.resolution_degC
-        self._setpoint = controller.measure(words, self._middle_degC)
+        self._setpoint, self._limit = controller.measure(words, self._middle_degC), limit
         self.is_whole = isinstance(self._setpoint, int)
 
     def _run(self, state: Any, counts: int, scans: int) -> tuple[Any, float]:
@@ -201,25 +212,39 @@ class _Integral:
             state, power, *_ = core.step(self._own.parameters, state, self._setpoint, reading, True)
         return state, power
 
+    def _at_middle(self) -> Any:
+        """Return a state in which the integral part gives a power in the middle; None: no error moves it there."""
+        state, power = self._own.core.cold_start(self._own.parameters, self._own.core.own(self._own.state)), 0.0
+        counts, scans = 1, _FADING
+        while power < _MIDDLE_PCT:
+            before = power
+            state, _ = self._run(state, -counts, scans)
+            state, power = self._run(state, 0, _FADING)
+            if scans > _STAYS and power == before:
+                return None
+            counts, scans = min(2 * counts, self._limit), 2 * scans if counts == self._limit else scans
+        return state
+
     def stays(self, counts: int) -> bool:
         """Return whether an error of so many counts of the sensor, on either side, leaves the power where it is."""
-        core, stays = self._own.core, False
         for sign in (-1, 1):
-            state, power, far = core.cold_start(self._own.parameters, core.own(self._own.state)), 0.0, 1
-            while power < _MIDDLE_PCT and far < _MOST_COUNTS:
-                state, power = self._run(state, -far, _FADING)
-                far *= 2
+            if (state := self._at_middle()) is None:
+                return True
             state, before = self._run(state, sign * counts, _FADING)
-            stays = stays or (_FREE_PCT < before < 100.0 - _FREE_PCT and self._run(
-                state, sign * counts, _STAYS)[1] == before)
-        return stays
+            if _FREE_PCT < before < 100.0 - _FREE_PCT and self._run(state, sign * counts, _STAYS)[1] == before:
+                return True
+        return False
 
 
-def _uncorrected_counts(integral: _Integral) -> int:
-    """Return the largest error that stays [counts of the sensor]."""
+def _residual_counts(integral: _Integral, limit: int) -> int:
+    """Return the largest error that stays, a number beyond the limit where that does, too [counts of the sensor]."""
+    if not integral.is_whole:
+        return 0
     least, most = 0, 1
-    while integral.is_whole and most < _MOST_COUNTS and integral.stays(most):
-        least, most = most, 2 * most
+    while most < limit and integral.stays(most):
+        least, most = most, min(2 * most, limit)
+    if most == limit and integral.stays(limit):
+        return limit + 1
     while most - least > 1:
         middle = (least + most) // 2
         least, most = (middle, most) if integral.stays(middle) else (least, middle)

@@ -30,11 +30,11 @@ from heatertune.proof.verdict import FitDiagnostics
 from heatertune.settings import Conditions
 from heatertune.units import check
 from heatertune.zones.identify import FittedNetwork
-from heatertune.zones.joint_loop import JointTrace, ZoneEvent, ZoneLoop, offsets_for, run_zones, uncorrected_degC
+from heatertune.zones.joint_loop import JointTrace, ZoneEvent, ZoneLoop, offsets_for, residual_error_degC, run_zones
 from heatertune.zones.joint_tuning import JOINT_MS, JointDesign
 from heatertune.zones.network import ThermalNetwork
 
-__all__ = ["UNHELD", "JointCriterion", "JointProof", "ZoneSpecification", "prove_zones", "specification_for"]
+__all__ = ["HOLDING_POWERS", "JointCriterion", "JointProof", "ZoneSpecification", "prove_zones", "specification_for"]
 
 _DRAWN: Final = 6
 _STEP_DEGC: Final = 5.0
@@ -46,7 +46,7 @@ _BEYOND: Final = 1.1  # times the logged rise that a setpoint may be above the a
 _IDLE_PCT: Final = 1.0  # power that a zone needs at least to hold its setpoint
 _NOT_TESTED: Final = ("a sensor that breaks", "mains that change while the zones run", "a setpoint profile")
 #: criteria of the setpoints alone
-UNHELD: Final = ("power to hold the setpoints [%]", "cooling that a zone would need [%]")
+HOLDING_POWERS: Final = ("power to hold the setpoints [%]", "cooling that a zone would need [%]")
 _RIPPLE: Final = 0.2  # of the tolerance, peak to peak: so much is left to the PWM
 _COOLS: Final = 3.0  # time constants in which an overheated zone cools down
 _STEPS: Final = ("log a step of each zone's power, one after the other, each until all temperatures are steady, with "
@@ -337,7 +337,7 @@ def prove_zones(
         offsets = offsets_for(np.array([*likely, *held[1:]]), actuator.pwm_period_s, actuator.resolution_s)
     prover = _Prover(design, fitted, specification, ZoneLoop(words=design.words, actuator=actuator, offsets_s=offsets))
     criteria, traces, runs = prover.static(held), list[JointTrace](), list[str]()
-    criteria += prover.uncorrected(prover.settings(asked.switches))
+    criteria += prover.residual_errors(prover.settings(asked.switches))
     unrun = len(criteria)
     planned = list(prover.runs(networks, asked.switches))
     for label, run in [*(pair for pair in planned[1:] if up_to_failure and pair[0] == first), *planned]:
@@ -409,7 +409,7 @@ class _Prover:
         self.zones, self.count = fitted.network.zones, len(fitted.network.zones)
         self.setpoints = np.array(specification.setpoints_degC)
         self.not_tested: list[str] = []
-        self._uncorrected: dict[tuple[tuple[str, str], ...], Array] = {}
+        self._residual_errors: dict[tuple[tuple[str, str], ...], Array] = {}
         self.peak = _PeakPower()
         tight = max(max(network.dead_times_s) for _, network in fitted.draw(0))
         radius = min(max(design.radius, 1e-3), 1.0 - 1e-6)
@@ -423,11 +423,11 @@ class _Prover:
         """Return the settings of the open points that are proven, where some are known."""
         return settings_to_prove(controller_for(self.design.words[0].target).switches, stated)
 
-    def uncorrected(self, settings: Sequence[Mapping[str, str]]) -> list[JointCriterion]:
+    def residual_errors(self, settings: Sequence[Mapping[str, str]]) -> list[JointCriterion]:
         """Return which error of a zone no increment of its controller corrects, the largest of each setting."""
         found = []
         for setting in settings:
-            errors = self._uncorrected_degC(setting)
+            errors = self._residual_error_degC(setting)
             zone = int(np.argmax(errors))
             if errors[zone] > 0.0:
                 name = ", ".join(f"{name} = {value}" for name, value in setting.items()
@@ -437,12 +437,12 @@ class _Prover:
                     limit=self.specification.limits.tolerance_degC, where=f"zone {self.zones[zone]}, {name}"))
         return found
 
-    def _uncorrected_degC(self, setting: Mapping[str, str]) -> Array:
+    def _residual_error_degC(self, setting: Mapping[str, str]) -> Array:
         """Return the largest error of each zone that its controller never corrects, shape (n,) [°C]."""
         key = tuple(setting.items())
-        if key not in self._uncorrected:
-            self._uncorrected[key] = np.array([uncorrected_degC(words, setting) for words in self.design.words])
-        return self._uncorrected[key]
+        if key not in self._residual_errors:
+            self._residual_errors[key] = np.array([residual_error_degC(words, setting) for words in self.design.words])
+        return self._residual_errors[key]
 
     def static(self, powers_pct: Sequence[Array]) -> list[JointCriterion]:
         """Return the criteria that need no run: margins, and the power that holds the setpoints."""
@@ -457,12 +457,12 @@ class _Prover:
             JointCriterion(name="largest singular value of S", value=design.joint_ms, limit=JOINT_MS, where=where),
             JointCriterion(name="Ms of a zone alone", value=design.alone_ms, where=where,
                            limit=min(JOINT_MS, self.specification.limits.ms or JOINT_MS)),
-            JointCriterion(name=UNHELD[0], value=float(most), limit=100.0 - RESERVE_PCT,
+            JointCriterion(name=HOLDING_POWERS[0], value=float(most), limit=100.0 - RESERVE_PCT,
                            where=held)]
         if least < 0.0:
             zone = self.zones[int(np.argmin(min(powers_pct, key=np.min)))]
             criteria.append(JointCriterion(
-                name=UNHELD[1], value=-float(least), limit=0.0,
+                name=HOLDING_POWERS[1], value=-float(least), limit=0.0,
                 where=f"zone {zone}: its neighbours heat it beyond its setpoint; raise it, or lower theirs"))
         return criteria
 
@@ -540,7 +540,7 @@ class _Prover:
         held = [phase for phase in phases if phase.kind in ("load gone", "setpoint back", "restart")]
         duties = np.clip(network.holding_pct(self.setpoints), 0.0, 100.0)
         self.peak.count(trace, held, self.loop.period_s, math.ceil(float(duties.sum()) / 100.0 - 1e-9))
-        return trace, self._judged(trace, network, phases, self._uncorrected_degC(switches))
+        return trace, self._judged(trace, network, phases, self._residual_error_degC(switches))
 
     def _faults(
         self, network: ThermalNetwork, zone: int, now: float, events: list[ZoneEvent], phases: list[_Phase], *,
@@ -579,7 +579,7 @@ class _Prover:
         end = len(order) * each_s + self.settle_s
         phases.append(_Phase("all started", -1, end - self.settle_s, end))
         trace = run_zones(self.loop, network, events, end, switches=switches)
-        return trace, self._judged(trace, network, phases, self._uncorrected_degC(switches))
+        return trace, self._judged(trace, network, phases, self._residual_error_degC(switches))
 
     def _can_hold(self, network: ThermalNetwork, zones: Sequence[int]) -> bool:
         """Return whether some zones hold their setpoints while the others get no power."""
@@ -591,7 +591,7 @@ class _Prover:
         return bool(np.all(power <= 100.0 - RESERVE_PCT) and np.all(power >= _IDLE_PCT))
 
     def _judged(
-        self, trace: JointTrace, network: ThermalNetwork, phases: Sequence[_Phase], uncorrected_degC: Array
+        self, trace: JointTrace, network: ThermalNetwork, phases: Sequence[_Phase], residual_error_degC: Array
     ) -> list[JointCriterion]:
         found = [JointCriterion(name="overflows", value=float(trace.overflows), limit=0.0, where="all zones")]
         for phase in phases:
@@ -601,12 +601,12 @@ class _Prover:
             for zone in range(self.count):
                 if zone not in phase.idle:
                     found += self._of_zone(phase, zone, (seen[:, zone], high[:, zone], low[:, zone]), network,
-                                           float(uncorrected_degC[zone]))
+                                           float(residual_error_degC[zone]))
         return found
 
     def _of_zone(
         self, phase: _Phase, zone: int, errors: tuple[Array, Array, Array], network: ThermalNetwork,
-        uncorrected_degC: float,
+        residual_error_degC: float,
     ) -> Iterator[JointCriterion]:
         """Yield the criteria of a zone, of its distances at the scans and of the highest and lowest between them.
 
@@ -630,9 +630,9 @@ class _Prover:
             most = limits.reheat_overshoot_pct, limits.reheat_overshoot_degC
             yield from over("overshoot after a fault [%]", high, most)
         elif phase.kind.startswith("setpoint") and zone != phase.zone:
-            own = float(np.clip(seen[0], -uncorrected_degC, uncorrected_degC))
+            own = float(np.clip(seen[0], -residual_error_degC, residual_error_degC))
             yield make(name=_DEVIATION_NAME, cause=phase.zone,
-                       value=float(max(high.max() - own, own - low.min())) + uncorrected_degC,
+                       value=float(max(high.max() - own, own - low.min())) + residual_error_degC,
                        limit=self.specification.deviation_limit_degC(phase.change_degC))
         elif phase.kind == "setpoint change":
             most_degC = _tightest(
