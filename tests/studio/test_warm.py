@@ -151,3 +151,22 @@ def test_an_optimum_of_the_other_process_is_that_of_this_one_and_ends_where_nobo
     assert not multiprocessing.active_children()
     # without it the search goes on in this thread
     assert searches.optimum(heater, settings, str).words == here.words
+
+
+def test_an_optimum_is_found_where_the_other_process_is_killed_or_cannot_be_started(heater, monkeypatch):
+    settings = StudioSettings(target="weg", structure="pid", ms=1.537)
+    here, searches = optimum(heater, settings), warm_up.SearchProcess()
+    searches.begin()
+    for process in multiprocessing.active_children():
+        process.kill()
+    assert searches.optimum(heater, settings, str).words == here.words
+
+    def refuse(*_):
+        raise OSError("no more processes")
+
+    for name in ("submit", "__init__"):
+        monkeypatch.setattr(warm_up.ProcessPoolExecutor, name, refuse)
+        searches = warm_up.SearchProcess()
+        searches.begin()
+        assert searches.optimum(heater, settings, str).words == here.words
+        searches.end()

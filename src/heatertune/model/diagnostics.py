@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from heatertune.log.log_values import Log, ReadSummary
+from heatertune.log.log_values import ABSOLUTE_ZERO_DEGC, Log, ReadSummary
 from heatertune.model.findings import Finding
 from heatertune.model.model_values import FitOutcome, FittedModel
 from heatertune.model.statistics import Interval
-from heatertune.units import degF_to_degC
+from heatertune.units import degF_to_degC, kelvin_to_degC
 
 __all__ = ["DROP_PCT", "Remark", "fast_remarks", "findings_of", "level_remarks", "neighbour_findings",
            "poor_remarks", "unit_change_findings", "unit_findings"]
@@ -111,8 +111,9 @@ def _unit_change(log: Log) -> Finding | None:
         before, after = float(readings[row]), float(readings[row + 1])
         until, begin = f"--until {time[row]:g}", f"--from {time[row + 1]:g}"
         for change, same, parts in (
-                ("°F to °C", (before - 32.0) / 1.8, f"{until} or {begin}"), ("K to °C", before - 273.15, begin),
-                ("°C to °F", 1.8 * before + 32.0, f"{until} or {begin}"), ("°C to K", before + 273.15, until)):
+                ("°F to °C", degF_to_degC(before), f"{until} or {begin}"), ("K to °C", kelvin_to_degC(before), begin),
+                ("°C to °F", 1.8 * before + 32.0, f"{until} or {begin}"),
+                ("°C to K", before - ABSOLUTE_ZERO_DEGC, until)):
             if abs(after - same) <= 2.0 * usual and np.count_nonzero(np.abs(jumps - row) <= _ROWS_EACH_SIDE) == 1:
                 return Finding(name="unit-assumed", message=(
                     f"the temperature of {log.name} jumps from {before:.4g} to {after:.4g} after {time[row]:g} s, as "

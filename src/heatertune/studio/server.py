@@ -12,6 +12,7 @@ import threading
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
 from typing import Any, Final
 
 from nicegui import app, background_tasks, ui
@@ -80,12 +81,17 @@ class SearchProcess:
     def __init__(self) -> None:
         context = multiprocessing.get_context("spawn")
         self._newest: Any = context.Value("q", 0, lock=False)  # only this process writes it
-        self._pool: ProcessPoolExecutor | None = ProcessPoolExecutor(1, context, _begin_searches, (self._newest,))
+        self._pool: ProcessPoolExecutor | None = None
+        with suppress(OSError, ImportError, NotImplementedError):  # a machine without semaphores
+            self._pool = ProcessPoolExecutor(1, context, _begin_searches, (self._newest,))
 
     def begin(self) -> None:
         """Start the process before the first search."""
-        if self._pool is not None:
-            self._pool.submit(int)
+        try:
+            if self._pool is not None:
+                self._pool.submit(int)
+        except OSError:  # no more processes
+            self._pool = None
 
     def end(self) -> None:
         """End the search and the process."""
@@ -105,16 +111,16 @@ class SearchProcess:
         Raises:
             InputError, NotRepresentable: as `loop_settings.optimum`.
         """
-        if self._pool is not None:
+        if (pool := self._pool) is not None:
             self._newest.value = number = self._newest.value + 1
             try:
-                found = self._pool.submit(_numbered_optimum, number, fitted, settings)
+                found = pool.submit(_numbered_optimum, number, fitted, settings)
                 while True:
                     try:
                         return found.result(_POLL_S)
                     except TimeoutError:
                         progress("searching the optimum")
-            except BrokenProcessPool:
+            except (BrokenProcessPool, OSError):
                 self._pool = None
             except BaseException:
                 self._newest.value += 1
