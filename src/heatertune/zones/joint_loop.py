@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from typing import Any, Final, NamedTuple, cast
 
 import numpy as np
@@ -205,13 +205,17 @@ class _Integral:
         self._setpoint, self._limit = controller.measure(words, self._middle_degC), limit
         self.is_whole = isinstance(self._setpoint, int)
 
-    def _run(self, state: Any, counts: int, scans: int) -> tuple[Any, float]:
+    def _run(self, state: Any, counts: int, scans: int, from_pct: float | None = None) -> tuple[Any, float]:
+        """Return state and power [%] after so many scans, or as soon as the power is not the one given."""
         core, power = self._own.core, 0.0
         reading = core.measure(self._own.sensor, self._middle_degC + counts * self._own.resolution_degC)
         for _ in range(scans):
             state, power, *_ = core.step(self._own.parameters, state, self._setpoint, reading, True)
+            if from_pct is not None and power != from_pct:
+                break
         return state, power
 
+    @cached_property
     def _at_middle(self) -> Any:
         """Return a state in which the integral part gives a power in the middle; None: no error moves it there."""
         state, power = self._own.core.cold_start(self._own.parameters, self._own.core.own(self._own.state)), 0.0
@@ -227,11 +231,12 @@ class _Integral:
 
     def stays(self, counts: int) -> bool:
         """Return whether an error of so many counts of the sensor, on either side, leaves the power where it is."""
+        if self._at_middle is None:
+            return True
         for sign in (-1, 1):
-            if (state := self._at_middle()) is None:
-                return True
-            state, before = self._run(state, sign * counts, _FADING)
-            if _FREE_PCT < before < 100.0 - _FREE_PCT and self._run(state, sign * counts, _STAYS)[1] == before:
+            state, before = self._run(self._own.core.own(self._at_middle), sign * counts, _FADING)
+            if _FREE_PCT < before < 100.0 - _FREE_PCT and self._run(
+                    state, sign * counts, _STAYS, before)[1] == before:
                 return True
         return False
 
