@@ -39,8 +39,8 @@ from heatertune.writing import read_text
 
 __all__ = [
     "DATA", "FLAT", "LEFT_OUT", "Document", "EarlierDocument", "Null", "OrInfinite", "OrUnknown", "construct_from",
-    "data_folder", "decode", "encode", "existing_path", "peek_schema", "plain", "read_document", "read_toml",
-    "register_schema", "schema_of", "to_json",
+    "data_folder", "decode", "encode", "existing_path", "is_earlier", "peek_schema", "plain", "read_document",
+    "read_toml", "register_schema", "schema_of", "to_json", "with_current_keys",
 ]
 
 
@@ -107,7 +107,7 @@ class EarlierDocument(dict[str, Any]):
         original: the content of the file, which its digest covers.
     """
 
-    def __init__(self, content: Mapping[str, Any], original: dict[str, Any]) -> None:
+    def __init__(self, content: Document, original: dict[str, Any]) -> None:
         """Hold the content with its current keys, and the original."""
         super().__init__(content)
         self.original = original
@@ -136,6 +136,7 @@ _KEY_CHANGES: Final = {
     "heatertune/as-left/2": _KeyChange("heatertune/as-left/1", {"told": "message"}, {"told": "messages"}),
     "heatertune/written/2": _KeyChange("heatertune/written/1", {
         "told": "message", "seen": "observations", "found": "as_found"}),
+    "heatertune/write-record/2": _KeyChange("heatertune/write-record/1", {"told": "message"}),
     "heatertune/supervision/2": _KeyChange("heatertune/supervision/1", top={"told": "rules", "beside": "built_in"}),
 }
 
@@ -150,13 +151,21 @@ def read_document(path: str | Path, schema: str) -> dict[str, Any]:
     """
     content = _load(path)
     named = content.get("schema")
-    change = _KEY_CHANGES.get(schema)
-    if change is not None and named == change.earlier:
-        top = {change.top.get(key, key): value for key, value in content.items()}
-        return EarlierDocument(_with_keys(top, change.keys), content)
-    if named != schema:
+    if named != schema and not is_earlier(named, schema):
         raise DocumentError(f"{path}: schema is {named!r}; expected {schema!r}")
-    return content
+    return content if named == schema else EarlierDocument(with_current_keys(content, schema), content)
+
+
+def is_earlier(named: object, schema: str) -> bool:
+    """Return whether a document names the schema before a given one, with other keys."""
+    return schema in _KEY_CHANGES and named == _KEY_CHANGES[schema].earlier
+
+
+def with_current_keys(content: Document, schema: str) -> Document:
+    """Return what a document of the schema before holds, by the keys of a given schema."""
+    change = _KEY_CHANGES[schema]
+    renamed: Document = _with_keys({change.top.get(key, key): value for key, value in content.items()}, change.keys)
+    return renamed
 
 
 def read_toml(path: str | Path) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from heatertune.errors import InputError, OutOfRange
 from heatertune.log.log_values import Log
 from heatertune.model.model_values import FitOutcome
 from heatertune.model.relay_test import find_relay
-from heatertune.model.temperature.thresholds import Thermostat
+from heatertune.model.temperature.evidence import Thermostat
 from heatertune.model.temperature.two_level import fit_two_level
 from heatertune.model.temperature.two_level_result import two_level_model
 from tests.bench import two_level, whose_heater

@@ -6,9 +6,9 @@ import json
 import numpy as np
 import pytest
 
+from heatertune.model.experiment.fisher import Schedule, rise, rows_of
 from heatertune.model.model_values import Fopdt
 from heatertune.model.relay_test import TwoLevelRelay, simulate_relay
-from heatertune.model.response import Schedule, rise, rows_of
 
 POINT = ("--gain", 0.4, 0.4, "--time-constant", 100, 100, "--dead-time", 10, 10, "--ambient", 20, 20)
 TEST = ("--limit-temperature", 50, "--noise", 0.1, "--log-interval", 5, "--max-duration", 1000)

@@ -7,7 +7,7 @@ from decimal import Decimal, localcontext
 import pytest
 
 from heatertune.compiled import compile_function
-from heatertune.heater.elementary import decay, expm1_negative, logarithm, logarithm_beside_1
+from heatertune.heater.exact import decay, expm1_negative, logarithm, logarithm_beside_1
 
 DRAWN = random.Random(5)
 POWERS = [-0.0, 0.0, -700.0, *(-(10.0 ** DRAWN.uniform(-12.0, 2.84)) for _ in range(1000))]

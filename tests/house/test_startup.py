@@ -18,7 +18,7 @@ TARGET = ("--target", "s5-ob251", "--setpoint", "40")
 
 
 #: modules of ours and of Python's that a command which only reads and writes words has no use for
-UNUSED = ("heatertune.cli.design_compare", "heatertune.log.read", "heatertune.report.page", "importlib.metadata")
+UNUSED = ("heatertune.cli.tuning", "heatertune.log.read", "heatertune.report.page", "importlib.metadata")
 
 
 def slow_modules(arguments, cache="", looked_for=SLOW):

@@ -3,6 +3,7 @@
 import json
 import random
 import shutil
+from dataclasses import replace
 
 import pytest
 from tests.bench import records
@@ -80,6 +81,19 @@ def test_a_write_and_its_rollback_are_as_found_as_proven_and_as_left(record):
     assert watch.time_s[-1] >= 5 * (LAG_S + DEAD_S)
     assert all(low < seen < high for low, seen, high in zip(watch.low_degC, watch.temperature_degC, watch.high_degC, strict=True))
     assert set(watch.setpoint_degC) == {1023 / 2047 * 100.0}
+
+
+def test_a_record_of_the_schema_before_is_read(record):
+    """Until 0.21.0 its sentences stood under `told`, also those of the checks in the first line."""
+    def renamed(value):
+        if isinstance(value, dict):
+            return {"told" if key == "message" else key: renamed(item) for key, item in value.items()}
+        return [renamed(item) for item in value] if isinstance(value, list) else value
+
+    earlier = record(lambda lines: renamed([lines[0] | {"schema": "heatertune/write-record/1"}, *lines[1:]]), "earlier.jsonl")
+    assert [replace(one, record="") for one in earlier.passages] == [replace(one, record="") for one in record().passages]
+    assert earlier.passages[0].message
+    assert earlier.passages[0].observations
 
 
 def test_a_record_that_breaks_off_is_unknown_until_the_rollback_asked(record):

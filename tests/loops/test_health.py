@@ -30,7 +30,7 @@ from heatertune.loops.unlogged_loads import with_duty, without_loads
 from heatertune.model.fit import fit
 from heatertune.model.model_values import Fopdt, model_by_hand
 from heatertune.model.statistics import Interval
-from heatertune.pid.search.quick import quick_tune
+from heatertune.pid.tune import quick_tune
 from heatertune.plc import Scaling
 from heatertune.proof.design_request import DesignRequest
 from heatertune.report.health_page import loops_lines, loops_page

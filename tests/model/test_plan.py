@@ -12,11 +12,14 @@ from heatertune.model.experiment.fisher import (
     ExperimentSetup,
     Prior,
     ReadingNoise,
+    Schedule,
     covariance,
     errors,
     peaks,
     prior_by_hand,
     prior_of,
+    rows_of,
+    sensitivities,
     shares,
 )
 from heatertune.model.experiment.plan import (
@@ -34,7 +37,6 @@ from heatertune.model.power.open_loop import PowerProblem
 from heatertune.model.power.regressors import Readings
 from heatertune.model.power.uncertainty import intervals
 from heatertune.model.relay_test import TwoLevelRelay
-from heatertune.model.response import Schedule, rows_of, sensitivities
 from heatertune.model.statistics import Interval
 
 RANGES = {

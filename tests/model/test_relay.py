@@ -7,9 +7,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from heatertune.errors import InputError, OutOfRange
+from heatertune.model.experiment.fisher import rise, rows_of
 from heatertune.model.model_values import Fopdt, TwoLag
 from heatertune.model.relay_test import TwoLevelRelay, _ConstantPowerResponse, _RelayState, oscillation, simulate_relay
-from heatertune.model.response import rise, rows_of
 from heatertune.model.temperature.closed_loop import Constant, simulate_many
 
 ONE = Fopdt(gain_degC_per_pct=0.5, time_constant_s=150.0, dead_time_s=20.0, ambient_degC=20.0)

@@ -3,8 +3,8 @@ import pytest
 from scipy.signal import lsim, lti
 
 from heatertune.errors import OutOfRange
+from heatertune.model.experiment.fisher import Schedule, peak_rise, rise, rows_of, sensitivities
 from heatertune.model.model_values import Fopdt, TwoLag
-from heatertune.model.response import Schedule, peak_rise, rise, rows_of, sensitivities
 
 ONE = Fopdt(gain_degC_per_pct=0.5, time_constant_s=90.0, dead_time_s=12.3)
 TWO = TwoLag(gain_degC_per_pct=0.4, time_constant_s=90.0, second_time_constant_s=40.0, dead_time_s=7.1)

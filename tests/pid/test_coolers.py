@@ -10,9 +10,8 @@ from heatertune.model.reduction import cools, mirror_heater
 from heatertune.model.statistics import RATIO, Interval
 from heatertune.pid.alternatives import alternatives, front
 from heatertune.pid.sampled_loop import margins
-from heatertune.pid.search.quick import quick_tune
 from heatertune.pid.search.robust import draw_heaters, interval_ends
-from heatertune.pid.tune import tune
+from heatertune.pid.tune import quick_tune, tune
 
 HEATER = Fopdt(gain_degC_per_pct=0.4, time_constant_s=160.0, dead_time_s=16.0, ambient_degC=20.0)
 OTHER = TwoLag(gain_degC_per_pct=0.5, time_constant_s=150.0, second_time_constant_s=20.0, dead_time_s=8.0)

@@ -10,7 +10,7 @@ from scipy.signal import cont2discrete
 from heatertune.errors import InputError, OutOfRange, UnknownName
 from heatertune.model.model_values import Fopdt, TwoLag
 from heatertune.pid.design_values import Timer
-from heatertune.pid.search.quick import quick_tune
+from heatertune.pid.tune import quick_tune
 
 TA = 5.0
 ONE = Fopdt(gain_degC_per_pct=0.5, time_constant_s=200.0, dead_time_s=20.0)

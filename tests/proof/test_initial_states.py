@@ -11,8 +11,8 @@ from heatertune.compiled import dispatch
 from heatertune.proof import simulate
 from heatertune.proof.criteria import Criterion
 from heatertune.proof.heaters import scale_power
-from heatertune.proof.initial_states import STATES, near_limit, nearest_to_limits, other_states, worst_state
 from heatertune.proof.prove_words import prove
+from heatertune.proof.runs import STATES, near_limit, nearest_to_limits, other_states, worst_state
 from heatertune.proof.scenario import (
     NewSetpoint,
     PlcPower,

@@ -29,7 +29,7 @@ __all__ = [
 
 #: command, in the order of the help → its module in heatertune
 COMMAND_MODULES: Final = {
-    "design": "cli.design_compare",
+    "design": "cli.tuning",
     "read": "cli.identification",
     "fit": "cli.identification",
     "validate": "cli.identification",
@@ -41,7 +41,7 @@ COMMAND_MODULES: Final = {
     "verify": "cli.export_verify",
     "supervise": "supervision.command",
     "feed-forward": "cli.export_verify",
-    "compare": "cli.design_compare",
+    "compare": "cli.tuning",
     "advise": "cli.running_controller",
     "study": "batch.command",
     "fleet": "batch.command",

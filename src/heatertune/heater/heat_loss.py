@@ -17,7 +17,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from heatertune.heater.elementary import decay, logarithm
+from heatertune.heater.exact import decay, logarithm
 from heatertune.units import check
 
 __all__ = ["ABSOLUTE_ZERO_DEGC", "RADIATION", "STEPS", "Loss", "LossCurve", "Tangent", "loss_at", "tangent_at"]

@@ -37,7 +37,7 @@ from heatertune.model.model_values import FitOutcome, FittedModel, HeaterModel
 from heatertune.model.statistics import Interval
 from heatertune.pid.design_values import PidDesign
 from heatertune.pid.sampled_loop import SampledPlant, sample_plant
-from heatertune.pid.search.quick import quick_tune
+from heatertune.pid.tune import quick_tune
 from heatertune.plc import Words
 from heatertune.proof.heaters import ROOM_DEGC
 from heatertune.proof.redesign import DesignRequest, DesignResult, find_passing_design

@@ -28,9 +28,8 @@ from heatertune.model.reduction import FIELDS, middle_degC, mirror_heater, mirro
 from heatertune.model.relay_test import with_relay
 from heatertune.model.statistics import autocorrelation, envelope, holds, identified_interval, undisturbed_part
 from heatertune.model.temperature.closed_loop import Bounds, ControllerLaw
-from heatertune.model.temperature.evidence import is_faster_than_rows
+from heatertune.model.temperature.evidence import Thermostat, is_faster_than_rows
 from heatertune.model.temperature.fit_temperature import fit_temperature, room_bounds
-from heatertune.model.temperature.thresholds import Thermostat
 from heatertune.model.temperature.two_level import fit_logged_switchings, fit_two_level
 from heatertune.model.temperature.two_level_result import two_level_model
 from heatertune.options import merge_options

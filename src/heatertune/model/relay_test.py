@@ -19,12 +19,12 @@ from heatertune.arrays import Array
 from heatertune.errors import InputError, OutOfRange
 from heatertune.heater.exact import advance_step, factors, turning_time
 from heatertune.log.log_values import Log
+from heatertune.model.experiment.fisher import Schedule
 from heatertune.model.model_values import FittedModel, Fopdt, HeaterModel
 from heatertune.model.power.open_loop import PowerProblem
 from heatertune.model.power.regressors import Readings
-from heatertune.model.response import Schedule
 from heatertune.model.statistics import Interval, student_t
-from heatertune.model.temperature.thresholds import (
+from heatertune.model.temperature.evidence import (
     Thermostat,
     Thresholds,
     reading_margin_degC,
@@ -199,9 +199,7 @@ class _ConstantPowerResponse:
             return 0.0
         for start, end in pairwise(ends):
             if beyond(end) >= 0.0:
-                from scipy.optimize import brentq
-
-                return float(brentq(beyond, start, end, xtol=1e-9))
+                return _root(beyond, start, end, 1e-9)
         return None
 
     def _turns(self, length: float) -> tuple[float, ...]:
@@ -572,13 +570,16 @@ def _decay_of(logs: Callable[[float], tuple[float, float]], ratio: float) -> flo
         on, off = logs(decay)
         return on - ratio * off
 
-    grid = [float(decay) for decay in np.linspace(0.005, 0.995, 100)]
-    for low, high in pairwise(grid):
+    for low, high in pairwise(np.linspace(0.005, 0.995, 100).tolist()):
         if surplus(low) * surplus(high) < 0.0:
-            from scipy.optimize import brentq
-
-            return float(brentq(surplus, low, high, xtol=1e-12))
+            return _root(surplus, low, high, 1e-12)
     return None
+
+
+def _root(function: Callable[[float], float], low: float, high: float, within: float) -> float:
+    from scipy.optimize import brentq  # which a log without a relay test does not wait for
+
+    return float(brentq(function, low, high, xtol=within))
 
 
 def _mean(values: Array, centre: float, margin: float, margin_above: float | None = None) -> tuple[float, Interval]:

@@ -17,10 +17,9 @@ from heatertune.plc import Words, controller_for
 from heatertune.proof.criteria import CRITERIA, CRITERION, HEATER_REMEDIES, LIMITS, Criterion
 from heatertune.proof.heaters import ROOM_DEGC
 from heatertune.proof.proof import Proof
-from heatertune.proof.prove_words import prove
+from heatertune.proof.prove_words import RunScreen, prove
 from heatertune.proof.specification import default_limit, quantity, specification_of
 from heatertune.proof.verdict import WIDER
-from heatertune.proof.worst_runs import RunScreen
 from heatertune.settings import Conditions
 from heatertune.units import written
 

@@ -1,6 +1,6 @@
 """The heater between two switching instants: `heatertune.heater.exact` with the values of the proof.
 
-Its exponentials and logarithms are those of `heatertune.heater.elementary`, so that all ways of running the loop give
+Its exponentials and logarithms are those of `heatertune.heater.exact`, so that all ways of running the loop give
 the same bits.
 
 y is the temperature [°C], behind the larger lag; x the state of the smaller lag before it, unused with one lag.
@@ -14,8 +14,7 @@ from typing import Any, Final, NamedTuple
 
 from heatertune.compiled import bound
 from heatertune.heater import exact
-from heatertune.heater.elementary import decay, expm1_negative, logarithm, logarithm_beside_1
-from heatertune.heater.exact import Factors, advance_step
+from heatertune.heater.exact import Factors, advance_step, decay, expm1_negative, logarithm, logarithm_beside_1
 from heatertune.heater.heat_loss import Loss, tangent_at
 
 __all__ = [

@@ -26,15 +26,6 @@ from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words
 from heatertune.proof.criteria import Criterion, LoopLimits, band_of, criteria_of_words, worst_of
 from heatertune.proof.heaters import MainsScenario, mains_label
-from heatertune.proof.initial_states import (
-    CLOSE,
-    SAME,
-    STATES,
-    near_limit,
-    nearest_to_limits,
-    other_states,
-    worst_state,
-)
 from heatertune.proof.long_outage import (
     JUDGED,
     LOADED,
@@ -48,7 +39,18 @@ from heatertune.proof.long_outage import (
     nights_of,
 )
 from heatertune.proof.proof_document import OutcomeView, ProofView, RunView, with_digest
-from heatertune.proof.runs import AllRuns, Runs, outside_budget
+from heatertune.proof.runs import (
+    CLOSE,
+    SAME,
+    STATES,
+    AllRuns,
+    Runs,
+    near_limit,
+    nearest_to_limits,
+    other_states,
+    outside_budget,
+    worst_state,
+)
 from heatertune.proof.scenario import Scenario
 from heatertune.proof.specification import Specification
 from heatertune.proof.trace import Trace

@@ -1,11 +1,14 @@
-"""Words, the heaters that a fit leaves possible, and what is assumed → the proof."""
+"""Words, the heaters that a fit leaves possible, and what is assumed → the proof.
+
+Other words are first proven in the runs that words have failed (`WorstRuns`), before a whole proof is worth its time.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Sequence
-from dataclasses import replace
-from typing import TYPE_CHECKING, Final
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from heatertune.errors import InputError, OutOfRange
 from heatertune.model.loss_curve import for_setpoints
@@ -19,7 +22,7 @@ from heatertune.plc.inputs import has_ends
 from heatertune.plc.pwm import Actuator, in_ticks, switched_by, tick_for
 from heatertune.plc.targets import GROUPS
 from heatertune.processors import ProgressCallback, log_progress
-from heatertune.proof.criteria import LoopLimits, band_of
+from heatertune.proof.criteria import Criterion, LoopLimits, band_of
 from heatertune.proof.heaters import (
     MAINS_POWERS,
     RESERVE_PCT,
@@ -36,8 +39,9 @@ from heatertune.proof.heaters import (
     scale_power,
     unreachable_findings,
 )
+from heatertune.proof.long_outage import BRIEF, JUDGED, wound
 from heatertune.proof.loop import MOST_SCANS
-from heatertune.proof.proof import Proof, prove_models
+from heatertune.proof.proof import Proof, RunResult, prove_models
 from heatertune.proof.specification import Specification, specification_of
 from heatertune.proof.test_sequence import LoopTiming, SequencePlan, story_for
 from heatertune.proof.verdict import Acceptance, Coverage, FitDiagnostics, Interlock, Run
@@ -49,9 +53,10 @@ if TYPE_CHECKING:
     from heatertune.keywords import ConditionOptions
 
 __all__ = [
-    "NEIGHBOURS_AT_REST", "actuator_for", "aim_sentences", "course_for", "default_pwm_period_s", "every_setpoint",
-    "limits_of", "prove", "setpoints_for", "tune_settings_for",
+    "NEIGHBOURS_AT_REST", "NOTICEABLE", "RunScreen", "WorstRuns", "actuator_for", "aim_sentences", "course_for",
+    "default_pwm_period_s", "every_setpoint", "limits_of", "prove", "setpoints_for", "tune_settings_for",
 ]
+
 
 #: of which no run knows, and which a log of one heater need not show
 NEIGHBOURS_AT_REST: Final = "other heaters that move (a neighbour at rest was assumed)"
@@ -322,3 +327,126 @@ def _remarks(
         yield f"the power of the cooler was {'entered as' if told else 'taken from the parameters,'} {gain}"
     if words.sample_time_s < fitted.log_interval_s:
         yield f"TA {words.sample_time_s:g} s is below the log's interval of {fitted.log_interval_s:g} s"
+
+
+_MOST: Final = 10.0  # strain of a limit that is broken without end
+#: share of a limit: broken is not kept, by however little
+NOTICEABLE: Final = 1e-9
+
+
+class WorstRuns(NamedTuple):
+    """What words break in runs.
+
+    Attributes:
+        badness: by how much, as shares of the limits: the sum over the criteria, of the worst run; 0: they keep all.
+            What is broken without end counts as tenfold.
+        names: of the criteria.
+    """
+
+    badness: float
+    names: frozenset[str] = frozenset()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunScreen:
+    """Runs that were failed.
+
+    Attributes:
+        fitted: the heater and its candidates.
+        runs: the hardest first.
+        nights: name of another open circuit → runs with it.
+        names: of the criteria that count; None: all.
+        night_times: how many times as long as in a proof the longest open circuit lasts.
+    """
+
+    fitted_model: FittedModel
+    runs: tuple[Run, ...] = ()
+    nights: Mapping[str, tuple[Run, ...]] = field(default_factory=dict)
+    names: frozenset[str] | None = None
+    night_times: float = 1.0
+
+    def with_failed(self, proof: Proof) -> RunScreen:
+        """Return it with the worst run of each criterion that a proof breaks, before what is there."""
+        broken = sorted(self._broken(proof), key=lambda criterion: -criterion.strain)
+        runs = {run.label: run.run for run in proof.runs}
+        worst = dict.fromkeys(criterion.where for criterion in broken)
+        new = [runs[label] for label in worst if label in runs and runs[label] not in self.runs]
+        return replace(self, runs=(*new, *self.runs))
+
+    def with_nights(self, proofs: Iterable[Proof]) -> RunScreen:
+        """Return it with the runs that proofs make of the open circuits after which they break a limit, too."""
+        hardest = dict(self.nights)
+        for name, proof in ((name, each) for each in proofs for name in wound(each.diagnostics)):
+            kept = hardest.get(name, ())
+            hardest[name] = (*kept, *(run for run in proof.nights[name] if run not in kept))
+        return replace(self, nights={name: hardest[name] for name in sorted(hardest)})
+
+    def with_shorter_outages(self) -> RunScreen:
+        """Return it with shorter open circuits in its hardest run, for a search whose whole proofs are dear."""
+        return replace(self, nights={**self.nights, BRIEF: self.runs[:1]})
+
+    def look(self, words: Words, conditions: Conditions, *, bound: float = math.inf) -> WorstRuns:
+        """Return what words break in these runs and nights.
+
+        Args:
+            words: to look at.
+            conditions: of the proof.
+            bound: from here on any badness is as good as another: the hardest run may do.
+
+        Raises:
+            InputError, OutOfRange, UnknownName: as `prove`.
+        """
+        badness, names = 0.0, frozenset[str]()
+        for broken in self._looks(words, conditions, at_once=math.isinf(bound)):
+            badness = max(badness, *(sum(map(_beyond, criteria)) for criteria in broken))
+            names |= {criterion.name for criteria in broken for criterion in criteria}
+            if badness >= bound:
+                break
+        return WorstRuns(badness, names)
+
+    def _looks(self, words: Words, conditions: Conditions, *, at_once: bool) -> Iterator[list[list[Criterion]]]:
+        """Yield what runs break, the hardest first where not all are made at once, the nights last."""
+        for runs in filter(None, (self.runs,) if at_once else (self.runs[:1], self.runs[1:])):
+            yield [self._broken(run) for run in prove(words, self.fitted_model, conditions, only=runs).runs]
+        if self.nights:
+            yield [self._broken(run, of) for of, run in self._nights(words, conditions)]
+
+    def badness(self, words: Words, conditions: Conditions) -> float:
+        """Return by how much words break the limits in these runs, see `WorstRuns`; errors as `look`."""
+        return self.look(words, conditions).badness
+
+    def keeps(self, words: Words, conditions: Conditions) -> bool:
+        """Return whether words keep the limits in these runs; errors as `look`."""
+        return self.look(words, conditions, bound=NOTICEABLE).badness == 0.0
+
+    def settles(self, words: Words, conditions: Conditions) -> float | None:
+        """Return when the worst of these runs and nights has settled [s], None where one breaks a limit.
+
+        Errors as `look`.
+        """
+        last = 0.0
+        for some in filter(None, (self.runs[:1], self.runs[1:])):
+            runs = prove(words, self.fitted_model, conditions, only=some).runs
+            if any(map(self._broken, runs)):
+                return None
+            last = max(last, *(each.value for run in runs for each in run.criteria if each.name == "settling_time"))
+        return None if self.wound(words, conditions) else last
+
+    def wound(self, words: Words, conditions: Conditions) -> list[Criterion]:
+        """Return the criteria that words break in the nights; errors as `look`."""
+        return [each for of, run in self._nights(words, conditions) for each in self._broken(run, of)]
+
+    def _nights(self, words: Words, conditions: Conditions) -> Iterator[tuple[frozenset[str], RunResult]]:
+        """Yield the runs of the nights, each with the names of the criteria that count in it."""
+        for night, runs in self.nights.items():
+            for run in prove(words, self.fitted_model, conditions, only=runs, night=night,
+                             night_times=self.night_times).runs:
+                yield frozenset(JUDGED[night]), run
+
+    def _broken(self, proof: Proof | RunResult, of: frozenset[str] | None = None) -> list[Criterion]:
+        return [criterion for criterion in proof.criteria
+                if not criterion.ok and all(names is None or criterion.name in names for names in (self.names, of))]
+
+
+def _beyond(criterion: Criterion) -> float:
+    return max(NOTICEABLE, min(criterion.strain, _MOST) - 1.0)

@@ -21,11 +21,11 @@ from heatertune.proof.criteria import band_of, names_of
 from heatertune.proof.heaters import labelled_heaters
 from heatertune.proof.long_outage import sums_up
 from heatertune.proof.phase_statistics import beyond_degC, offset_degC, settling_s, swing_degC
+from heatertune.proof.prove_words import RunScreen
 from heatertune.proof.runs import judge_once
 from heatertune.proof.scenario import TO_SETPOINT
 from heatertune.proof.scenario import conditions as conditions_of
 from heatertune.proof.text_comparison import as_exported
-from heatertune.proof.worst_runs import RunScreen
 from heatertune.settings import Conditions
 from heatertune.units import written
 

@@ -17,7 +17,7 @@ from heatertune.model.model_values import FittedModel, HeaterModel
 from heatertune.pid.design_document import DesignProvenance
 from heatertune.pid.design_values import Margins, PidDesign
 from heatertune.pid.sampled_loop import margins, worst
-from heatertune.pid.search.quick import quick_tune
+from heatertune.pid.tune import quick_tune
 from heatertune.plc import NAMES, Scaling, Words, controller_for
 from heatertune.plc.controller import with_cooling
 from heatertune.plc.design import loop_fit

@@ -207,7 +207,7 @@ def _run_rollback(settings: argparse.Namespace) -> int:
         return int(import_module("heatertune.live.commands.zone_commands").rollback(settings, link_of(settings)))
     before, link = before_of(settings.record), link_of(settings)
     document: dict[str, Any] = {
-        "schema": "heatertune/rollback/1", "record": settings.record, "address": before.address.text,
+        "schema": "heatertune/rollback/2", "record": settings.record, "address": before.address.text,
         "yes": before.yes, "applied": settings.apply}
     if settings.apply:
         with signals_as_ctrl_c():

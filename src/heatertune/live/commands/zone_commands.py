@@ -132,7 +132,7 @@ def _of_applied(done: ZonesWriteResult) -> Iterator[str]:
 
 def rollback(settings: argparse.Namespace, link: LinkSettings) -> int:
     """Run `rollback` for the records of a write of zones; return its exit status. Errors as `restore_zones`."""
-    document: dict[str, object] = {"schema": "heatertune/zones-rollback/1", "record": settings.record,
+    document: dict[str, object] = {"schema": "heatertune/zones-rollback/2", "record": settings.record,
                                 "applied": settings.apply}
     folder = shlex.quote(settings.record)
     if settings.apply:

@@ -42,7 +42,7 @@ __all__ = [
     "peers_of", "plan_zones", "restore_zones",
 ]
 
-PLAN_SCHEMA: Final = "heatertune/zones-write/1"
+PLAN_SCHEMA: Final = "heatertune/zones-write/2"
 _SCANS: Final = 2
 _COMMAND: Final = "write of zones"
 #: outcomes of zones, the worst first
@@ -218,7 +218,7 @@ class ZonesWriteResult:
 
     def to_document(self) -> dict[str, object]:
         """Return it as the command prints it."""
-        return {"outcome": self.outcome.value, "told": self.message,
+        return {"outcome": self.outcome.value, "message": self.message,
                 "zones": {zone: end.to_document() for zone, end in self.ends.items()},
                 "record": None if self.record is None else str(self.record)}
 

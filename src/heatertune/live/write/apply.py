@@ -88,7 +88,7 @@ def in_order(
     raise NoOrder(f"no order of writing is proven: with {told} first, {why[first]}")
 
 
-PLAN_SCHEMA: Final = "heatertune/write/1"
+PLAN_SCHEMA: Final = "heatertune/write/2"
 _SCANS: Final = 2
 
 

@@ -297,7 +297,7 @@ def watch_response(
                 return watch.ended(early=gap)
             if outside := watch.see(look):
                 return watch.ended(outside=outside)
-            progress(watch.told)
+            progress(watch.state_text)
             peer.pause()
     except LinkError as problem:
         return watch.ended(early=str(problem))
@@ -311,7 +311,7 @@ class _Watch:
 
     def __init__(self, peer: Peer, record: WriteRecord, proven: ProvenWords, before: Iterable[BlockSnapshot]) -> None:
         self._peer, self._record, self._proven = peer, record, proven
-        self.duration_s, self.seconds, self.told = watched_s(proven), 0.0, "watching"
+        self.duration_s, self.seconds, self.state_text = watched_s(proven), 0.0, "watching"
         self._first: BlockSnapshot | None = None
         self._last: BlockSnapshot | None = None
         self._moved = self._since_s = self._most = 0.0
@@ -361,7 +361,7 @@ class _Watch:
         self._unusable_row = self._unusable_row + 1 if problem else 0
         if problem:
             self._unusable += 1
-            self._record.write_line("unusable", s=round(self.seconds, 3), told=problem, **look.to_document())
+            self._record.write_line("unusable", s=round(self.seconds, 3), message=problem, **look.to_document())
             return problem if self._unusable_row >= _IN_A_ROW else ""
         rise = self._rise.see(look.time_s, seen)
         if stop := highest_message(self._proven.conditions, seen) or self._frozen(look, seen):
@@ -370,7 +370,7 @@ class _Watch:
             return self._jumped_before
         if not self._shows and (jump := self._jump(look, seen)):
             self._outside += 1
-            self._record.write_line("jumped", s=round(self.seconds, 3), told=jump, **look.to_document())
+            self._record.write_line("jumped", s=round(self.seconds, 3), message=jump, **look.to_document())
             return jump if self._outside >= _IN_A_ROW else ""
         self._way.append((look.time_s, seen))
         while look.time_s - self._way[0][0] > self._unseen_s and len(self._way) > 2:
@@ -388,7 +388,7 @@ class _Watch:
                                 high_degC=high,
                          **look.to_document())
         between = f"the proven band, {low:.4g} to {high:.4g} °C"
-        self.told = f"{seen:.4g} °C in {between}, {self.seconds:.0f} of {self.duration_s:.0f} s"
+        self.state_text = f"{seen:.4g} °C in {between}, {self.seconds:.0f} of {self.duration_s:.0f} s"
         return f"{seen:.4g} °C is outside of {between}" if self._outside >= _IN_A_ROW else rise if shows else ""
 
     def _see_before(self, looks: Iterable[BlockSnapshot]) -> str:
@@ -402,7 +402,7 @@ class _Watch:
             jump = self._jump(look, degC)
             self._outside = self._outside + 1 if jump else 0
             if jump:
-                self._record.write_line("jumped", s=0.0, told=jump, **look.to_document())
+                self._record.write_line("jumped", s=0.0, message=jump, **look.to_document())
             if self._outside >= _IN_A_ROW:
                 return jump
         return ""

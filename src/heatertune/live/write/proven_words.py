@@ -221,7 +221,7 @@ class Check:
     Attributes:
         name: of it.
         ok: whether it does; None: nobody knows.
-        told: what was found, a few words.
+        message: what was found, a few words.
         option: that says it, where the PLC does not.
     """
 
@@ -232,7 +232,7 @@ class Check:
 
     def to_document(self) -> dict[str, Any]:
         """Return it as a document has it."""
-        return {"name": self.name, "ok": self.ok, "told": self.message, "option": self.option or None}
+        return {"name": self.name, "ok": self.ok, "message": self.message, "option": self.option or None}
 
 
 def checks(proven: ExpectedWords, standing: BlockImage, looks: tuple[BlockSnapshot, BlockSnapshot],

@@ -144,7 +144,7 @@ def became(before: Before, look: BlockSnapshot) -> WriteEnd:
     outcome, found = stands(before.before, before.after, look.values, names)
     last = before.lines.steps[-1] if before.lines.steps else before.lines.begin
     if before.lines.complete:
-        return WriteEnd(outcome, f"it ended at {last['at']}, {last['outcome']}: {last['told']}; now {found}",
+        return WriteEnd(outcome, f"it ended at {last['at']}, {last['outcome']}: {last['message']}; now {found}",
                         look.values)
     return WriteEnd(outcome, f"it broke off at {last['at']} after the step {last['step']!r}; {found}", look.values)
 
@@ -230,7 +230,7 @@ def rolled_back(
             return WriteEnd(WriteOutcome.NOT_DONE, f"nothing was sent: {problem}")
         if not unproven and now.stands is not None and (why := not_proven(before, now.stands)):
             raise InputError(f"what would be put back is not proven: {why}; --unproven puts it back all the same")
-        record.write_line("rollback", stands=dict(now.stands or {}), told=now.message)
+        record.write_line("rollback", stands=dict(now.stands or {}), message=now.message)
         parts = [WayBackPart(part.start, part.before, {part.after}) for part in before.parts]
         begun = hold.resume()
         hold.open(replace(new_way_back("rollback", before.address, before.image.number, parts,
@@ -319,14 +319,14 @@ class _Begin:
     simulated: bool = False
     checks: tuple[Mapping[str, Any], ...] = ()
     stands: Values | None = None
-    told: str = ""
+    message: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _WriteEndLine:
     at: str
     outcome: Outcome
-    told: str
+    message: str
     stands: Values | None
 
 
@@ -358,7 +358,7 @@ def _passages(before: Before, words: Words) -> list[Passage]:
     for number, group in enumerate(groups[1:]):
         if made[number].ended is None:  # nobody asked what became of it until it was taken back
             back = _read(before, _Begin, group[0])
-            made[number] = replace(made[number], message=back.told, left=back.stands or None,
+            made[number] = replace(made[number], message=back.message, left=back.stands or None,
                                    quantities=_quantities(words, made[number].as_found, back.stands or None))
     if before.lines.torn:
         torn = "The last line of the record is torn, as a kill leaves it, and was left out."
@@ -372,7 +372,7 @@ def _passage(before: Before, words: Words, steps: Sequence[Step]) -> Passage:
     is_write = steps[0] is first
     end = _read(before, _WriteEndLine, last) if last["step"] == "end" else _WriteEndLine(
         at="", outcome="unknown", stands=None,
-        told=f"the record breaks off after the step {last['step']!r}; heatertune rollback {path.name} asks the PLC")
+        message=f"the record breaks off after the step {last['step']!r}; heatertune rollback {path.name} asks the PLC")
     found = before.before if is_write else begin.stands or None
     lost = sum(step["step"] == "no answer" for step in steps)
     notes = [f"{lost} {'answer was' if lost == 1 else 'answers were'} lost; the parameters were read from the PLC "
@@ -380,8 +380,8 @@ def _passage(before: Before, words: Words, steps: Sequence[Step]) -> Passage:
     return Passage(
         kind="write" if is_write else "rollback", record=path.name, address=before.address.text,
         simulated=head.simulated, version=head.version, begun=_instant(before, begin.at),
-        ended=_instant(before, end.at) if end.at else None, outcome=end.outcome, message=end.told,
-        observations=tuple(f"{each.get('name')}: {each.get('told')}" for each in begin.checks),
+        ended=_instant(before, end.at) if end.at else None, outcome=end.outcome, message=end.message,
+        observations=tuple(f"{each.get('name')}: {each.get('message')}" for each in begin.checks),
         notes=tuple(notes if lost else ()), as_found=found, left=end.stands,
         quantities=_quantities(words, found, end.stands), watch=_watch(before, steps))
 

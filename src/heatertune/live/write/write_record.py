@@ -17,7 +17,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final
 
-from heatertune.codec import plain
+from heatertune.codec import Document, is_earlier, plain, with_current_keys
 from heatertune.errors import DocumentError, InputError
 from heatertune.live.client.connection import Address, ClosesOnExit
 from heatertune.live.hold import state_folder, where_of
@@ -29,7 +29,7 @@ __all__ = [
 ]
 
 
-RECORD_SCHEMA: Final = "heatertune/write-record/1"
+RECORD_SCHEMA: Final = "heatertune/write-record/2"
 #: steps after which nothing is left to be found out
 _ENDS: Final = ("end",)
 #: says that the line before it was left by a kill
@@ -128,7 +128,9 @@ def read_lines(path: str | Path) -> Lines:
         after = found[number] if number < len(found) else None
         if line is None and (number == 1 or after is None or after["step"] != _TORN):
             raise DocumentError(f"{path}, line {number}: no step of a record")
-    lines = [line for line in found if line is not None and line["step"] != _TORN]
+    lines: list[Document] = [line for line in found if line is not None and line["step"] != _TORN]
+    if lines and is_earlier(lines[0].get("schema"), RECORD_SCHEMA):
+        lines = [with_current_keys(line, RECORD_SCHEMA) for line in lines]
     if not lines or lines[0].get("schema") != RECORD_SCHEMA:
         raise DocumentError(f"{path}: no record of a write; expected the schema {RECORD_SCHEMA!r} in its first line")
     missing = [name for name in ("address", "directory", "target", "digest", "begin", "before", "parts", "words")

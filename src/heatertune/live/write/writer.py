@@ -45,7 +45,7 @@ class WriteEnd:
 
     Attributes:
         outcome: of it.
-        told: what happened, one sentence.
+        message: what happened, one sentence.
         stands: the words in the PLC when it was last read; None: it could not be.
     """
 
@@ -60,7 +60,7 @@ class WriteEnd:
 
     def to_document(self) -> dict[str, Any]:
         """Return it as a record has it."""
-        return {"outcome": self.outcome.value, "told": self.message,
+        return {"outcome": self.outcome.value, "message": self.message,
                 "stands": None if self.stands is None else dict(self.stands)}
 
 
@@ -247,7 +247,7 @@ class Writer:
             LinkError: the PLC cannot be read.
         """
         if change.pending and self._hold.left_s:
-            self._noted("waiting", told=f"{', '.join(sorted(change.pending))} may still arrive")
+            self._noted("waiting", message=f"{', '.join(sorted(change.pending))} may still arrive")
         with suppress(KeyboardInterrupt):  # nothing is waited for any more
             while change.pending and (left_s := self._hold.left_s):
                 self._progress(f"looking for {left_s:.0f} s more whether {', '.join(sorted(change.pending))} arrive")
@@ -268,7 +268,7 @@ class Writer:
         """
         if not self._hold.left_s:
             return self._nothing_more(change, ended) if change.pending else ended
-        self._noted("waiting", told="a request may still arrive")
+        self._noted("waiting", message="a request may still arrive")
         try:
             while True:
                 if left_s := self._hold.left_s:
@@ -329,10 +329,10 @@ class Writer:
         try:
             self._hold.send(partial(self.peer.write, part, part.after))
         except (PlcRefused, LinkDown) as problem:
-            self.record.write_line("not written", told=str(problem))
+            self.record.write_line("not written", message=str(problem))
             raise _Stopped(str(problem)) from None
         except ReplyLost as problem:
-            self.record.write_line("no answer", told=str(problem))
+            self.record.write_line("no answer", message=str(problem))
             self._decide(part, str(problem), change)
         else:
             self.record.write_line("written", names=list(part.names))

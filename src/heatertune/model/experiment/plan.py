@@ -22,6 +22,7 @@ from heatertune.model.experiment.fisher import (
     ExperimentSetup,
     Prior,
     ReadingNoise,
+    Schedule,
     demand_room,
     errors,
     peaks,
@@ -30,7 +31,6 @@ from heatertune.model.experiment.fisher import (
 )
 from heatertune.model.model_values import HeaterModel
 from heatertune.model.relay_test import TwoLevelRelay, simulate_relay
-from heatertune.model.response import Schedule
 
 __all__ = [
     "KINDS", "REST_READINGS", "SCHEMA", "ExperimentPlan", "RelayPlan", "assess_plan", "best_step", "plan_doublet",

@@ -27,8 +27,7 @@ from heatertune.model.statistics import (
     autocorrelation,
     student_t,
 )
-from heatertune.model.temperature.evidence import quiet_noise_degC, switching_guess
-from heatertune.model.temperature.thresholds import Thermostat
+from heatertune.model.temperature.evidence import Thermostat, quiet_noise_degC, switching_guess
 
 __all__ = ["LONGEST", "SwitchingSolution", "TwoLevelFit", "change_s", "fit_logged_switchings", "fit_two_level"]
 

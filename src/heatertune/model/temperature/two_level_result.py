@@ -14,7 +14,7 @@ from heatertune.model.diagnostics import Remark, findings_of, poor_remarks
 from heatertune.model.model_values import Candidate, FitOutcome, FittedModel, HeaterModel, Residuals
 from heatertune.model.reduction import COMBINATIONS, FIELDS, PROPORTIONAL_TO_GAIN
 from heatertune.model.statistics import Interval, autocorrelation, fit_pct, identified_interval
-from heatertune.model.temperature.thresholds import Thresholds, reading_margin_degC, threshold_between
+from heatertune.model.temperature.evidence import Thresholds, reading_margin_degC, threshold_between
 from heatertune.model.temperature.two_level import LONGEST, SwitchingSolution, TwoLevelFit, change_s
 
 __all__ = ["two_level_model"]

@@ -21,7 +21,7 @@ from heatertune.arrays import Array
 from heatertune.codec import encode
 from heatertune.compiled import compile_function, worth_compiling
 from heatertune.errors import InputError, OutOfRange
-from heatertune.heater.elementary import logarithm
+from heatertune.heater.exact import logarithm
 from heatertune.model.model_values import Fopdt, HeaterModel, TwoLag
 from heatertune.plc.controller import Controller
 from heatertune.plc.open_points import settings_to_prove

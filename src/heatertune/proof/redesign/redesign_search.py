@@ -29,7 +29,7 @@ from heatertune.proof import Proof
 from heatertune.proof.design_request import Candidate, DesignRequest, DesignResult, plainly
 from heatertune.proof.long_outage import briefly, sums_up, winds_up
 from heatertune.proof.nearest_specification import setting_sentences
-from heatertune.proof.prove_words import every_setpoint, tune_settings_for
+from heatertune.proof.prove_words import NOTICEABLE, RunScreen, WorstRuns, every_setpoint, tune_settings_for
 from heatertune.proof.redesign.design_changes import (
     DEAR,
     OF_WINDUP,
@@ -48,7 +48,6 @@ from heatertune.proof.redesign.suggestion import Suggestion, pass_sentence
 from heatertune.proof.runs import MOST_SCANS, SearchBudget, judge_once
 from heatertune.proof.setpoint_ramp import BY_RAMP, boosts, slow_ramps
 from heatertune.proof.text_comparison import as_exported
-from heatertune.proof.worst_runs import NOTICEABLE, RunScreen, WorstRuns
 from heatertune.settings import TuneSettings
 
 __all__ = ["GainFamily", "GainPoint", "GainSearch", "RedesignSearch", "closed_on_runs", "find_passing_design"]

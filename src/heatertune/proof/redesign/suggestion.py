@@ -34,11 +34,11 @@ from heatertune.proof.nearest_specification import (
     within_reach,
 )
 from heatertune.proof.proof import Proof
+from heatertune.proof.prove_words import RunScreen
 from heatertune.proof.redesign.design_changes import COARSE, DesignChange, broken, calmest_pwm
 from heatertune.proof.runs import MOST_SCANS, SearchBudget
 from heatertune.proof.scenario import NewSetpoint
 from heatertune.proof.verdict import BREAKS_NONE, NOTHING_PASSES
-from heatertune.proof.worst_runs import RunScreen
 from heatertune.settings import TuneSettings
 
 __all__ = ["Suggestion", "free_request", "known_as", "pass_sentence", "pass_sentences"]
