@@ -86,13 +86,25 @@ def test_values_are_tables_of_pandas(values):
 def test_a_value_is_shown_in_one_line_and_its_summary_begins_with_the_point(values):
     for value in (*values.values(), values["proof"].trace(0)):
         assert "\n" not in repr(value)
-    for name, most in (("log", 200), ("model", 200), ("proof", 120)):
+    for name, most in (("log", 200), ("model", 200), ("design", 120), ("proof", 120)):
         assert len(repr(values[name])) < most
     assert repr(values["proof"]).startswith(f"<Proof {values['proof'].verdict} of s5-ob251 at")
     assert values["model"].summary().splitlines()[0] == repr(values["model"])
     assert values["proof"].summary().startswith(values["proof"].verdict)
     assert len(values["model"].summary().splitlines()) <= 30
     assert set(values["model"].notes) <= {line.removeprefix("- ") for line in values["model"].summary(verbose=True).splitlines()}
+
+
+def test_the_result_of_a_design_and_the_program_behind_it_are_shown_in_one_line(values):
+    """A cell that ends in one of them printed 1,100,000 and 475,000 characters."""
+    found = ht.design(values["log"], target="s5-ob251", as_is=True)
+    assert found.proof is found.outcome.proof
+    assert repr(found) == f"<ChainResult zone: {found.proof!r}, {len(found.files)} files>"
+    assert repr(found.proof) in repr(found.outcome)
+    assert found.summary() == found.proof.summary()
+    assert "<svg" in found._repr_html_()
+    assert repr(ht.problem(values["model"])).startswith("<NonlinearProgram of a PI, TA ")
+    assert len(repr(ht.problem(values["model"]))) < 120
 
 
 def test_the_functions_log_what_they_begin_for_those_who_listen(values, caplog, monkeypatch):

@@ -225,8 +225,8 @@ class ChainResult:
 
     Attributes:
         log: as it was read.
-        fitted: the heater behind it.
-        closed: the design, its parameters and their proof.
+        fitted_model: the heater behind it.
+        outcome: the design, its parameters and their proof.
         files: for the PLC, name → content; empty if the verdict is not PASS and the export was not forced.
         documents: of all stages, as JSON holds them.
     """
@@ -236,6 +236,22 @@ class ChainResult:
     outcome: DesignResult
     files: Mapping[str, str | bytes]
     documents: Mapping[str, Document]
+
+    def __repr__(self) -> str:
+        """Return the verdict and what there is in one line; `summary()` has the rest."""
+        return f"<ChainResult {self.log.name}: {self.proof!r}, {len(self.files)} files>"
+
+    @property
+    def proof(self) -> Proof:
+        """Proof of the parameters."""
+        return self.outcome.proof
+
+    def summary(self, *, verbose: bool = False) -> str:
+        """Return what the command line prints of the proof on one screen, the point first; `verbose`: all of it."""
+        return self.proof.summary(verbose=verbose)
+
+    def _repr_html_(self) -> str:
+        return self.proof._repr_html_()
 
 
 def _told(stage: str) -> str:

@@ -174,6 +174,12 @@ class PidDesign(NotebookDisplay):
     promise: Promise | None = None
     step_power_limit_pct_per_degC: float = math.inf
 
+    def __repr__(self) -> str:
+        """Return structure and constants in one line; `summary()` has the rest."""
+        ms = "" if self.margins is None else f", Ms {self.margins.ms:.4g}"
+        return (f"<PidDesign {self.structure.upper()}: K {self.gain_pct_per_degC:.4g} %/°C, TN "
+                f"{self.integral_time_s:.4g} s, TV {self.derivative_time_s:.4g} s, TA {self.sample_time_s:.4g} s{ms}>")
+
     def __post_init__(self) -> None:
         check("gain_pct_per_degC", self.gain_pct_per_degC)
         if self.gain_pct_per_degC == 0.0:

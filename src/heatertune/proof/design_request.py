@@ -119,7 +119,7 @@ class DesignResult:
     """A design, its words and their proof.
 
     Attributes:
-        wished: the design.
+        ideal: the design, before it is rounded.
         choice: its words, and how they were found.
         proof: of the words.
         notes: what was done to make them pass and what that costs, one sentence each.
@@ -135,6 +135,10 @@ class DesignResult:
     conditions: Conditions
     recipe: DesignProvenance
     passes_with: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        """Return the proof in one line."""
+        return f"<DesignResult {self.proof!r}>"
 
 
 def plainly(

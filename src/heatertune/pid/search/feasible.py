@@ -399,6 +399,11 @@ class NonlinearProgram:
     lowest: Array
     highest: Array
 
+    def __repr__(self) -> str:
+        """Return its size in one line; the expressions alone have some 100,000 characters."""
+        return (f"<NonlinearProgram of a {self.problem.structure.upper()}, TA {self.problem.sample_time_s:.4g} s: "
+                f"{len(self.start)} unknowns, {self.limits.numel()} limits on {len(self.problem.plants)} heaters>")
+
     def solve(self, *, cost: Any = None, limits: Iterable[Any] = ()) -> PidDesign:
         """Return the design at which IPOPT ends.
 
