@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from itertools import chain, pairwise
+from itertools import chain, islice
+from operator import ne
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -223,7 +224,9 @@ def held_readings(readings: Array) -> Mask:
     """
     held = np.zeros(len(readings), dtype=np.bool_)
     changes = np.flatnonzero(np.diff(readings) != 0.0) + 1
-    for length in range(_SHORTEST_HOLD, _LONGEST_HOLD + 1 if len(changes) >= _FEWEST else 0):
+    few = int(2.0 * (1.0 - _AT_BEGIN) * len(changes)) + 1  # two rows written anew for each change elsewhere
+    longest = min(_LONGEST_HOLD, np.partition(np.diff(changes), few)[few]) if len(changes) >= _FEWEST else 0
+    for length in range(_SHORTEST_HOLD, longest + 1):
         phases = np.bincount(changes % length, minlength=length)
         begin = int(phases.argmax())
         if phases[begin] > max(_AT_BEGIN * len(changes), _CHANGED * len(readings) / length):
@@ -239,7 +242,7 @@ def _is_of_changes(written: CellColumn, first: int) -> bool:
 
 def differs(cells: CellColumn) -> Mask:
     """Return which cells differ from the one before, shape (n,)."""
-    return np.fromiter(chain([False], (a != b for a, b in pairwise(cells))), dtype=np.bool_, count=len(cells))
+    return np.fromiter(chain([False], map(ne, cells, islice(cells, 1, None))), dtype=np.bool_, count=len(cells))
 
 
 def _repeats(cells: CellColumn) -> int:

@@ -11,7 +11,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
-from itertools import chain, pairwise
+from itertools import chain
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -101,18 +101,18 @@ def hold_series(at: Array, time: Array, cells: CellColumn, *, is_power: bool) ->
     return HeldSeries(values, late, notes, held, "%" if switched is not None and means is not None else "")
 
 
-def _changes(time: Array, cells: Sequence[str]) -> Array:
-    return time[1:][[a != b for a, b in pairwise(cells)]]
+def _changes(time: Array, cells: CellColumn) -> Array:
+    return time[1:][differs(cells)[1:]]
 
 
-def _latest(at: Array, time: Array, cells: Sequence[str]) -> float:
+def _latest(at: Array, time: Array, cells: CellColumn) -> float:
     """Return the longest time from a change to the first reading that shows it [s]."""
     changes = _changes(time, cells)
     changes = changes[(changes > at[0]) & (changes <= at[-1])]
     return float(np.max(at[np.searchsorted(at, changes)] - changes, initial=0.0))
 
 
-def changes_twice(at: Array, time: Array, cells: Sequence[str]) -> bool:
+def changes_twice(at: Array, time: Array, cells: CellColumn) -> bool:
     """Return whether a power changes more than once in some of the intervals between the instants `at`.
 
     Args:
@@ -377,7 +377,7 @@ def _with_edges(
         return rows, frozenset()
     power = series["power"]
     cells = sheet.columns[value].at_rows(power)
-    changed = power[1:][[a != b for a, b in pairwise(cells)]]
+    changed = power[1:][differs(cells)[1:]]
     within = (time[changed] > time[rows[0]]) & (time[changed] < time[rows[-1]])
     edges = changed[within & ~np.isin(time[changed], time[rows])]
     many = len(edges) > _MOST_EDGES * len(rows) or changes_twice(time[rows], time[power], cells)

@@ -5,17 +5,18 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from datetime import date, datetime, timedelta, timezone
-from itertools import pairwise
+from itertools import islice, pairwise
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
 from heatertune.arrays import Array
 
 __all__ = [
-    "STAMPS", "clocks_in_digits", "duration_s", "has_zone", "is_clock", "is_date", "is_date_in_digits",
+    "DATE_LENGTH", "STAMPS", "clocks_in_digits", "duration_s", "has_zone", "is_clock", "is_date", "is_date_in_digits",
     "is_day_or_month", "is_day_or_year", "is_hours_or_minutes", "month_first", "month_or_day_first", "past_hour",
-    "past_midnight", "stamp", "year_turned",
+    "past_midnight", "stamp", "within_hours", "year_turned",
 ]
 
 
@@ -32,6 +33,8 @@ _NOON = re.compile(r"(\d{1,2})(:\d\d.*?) ?([AaPp])\.? ?[Mm]\.?")
 _NOON_BEFORE = re.compile(r"([AP]M) ?(\d{1,2}:\d\d(?::\d\d)?(?:\.\d+)?)")
 _DATE = re.compile(r"\d{4}[-/.]\d\d?[-/.]\d\d?|\d\d?([-./])\d\d?\1(\d{4}|\d\d)")
 _SLASHED = re.compile(r"(\d{1,2})[-/](\d{1,2})[-/](\d{4}|\d\d)(?!\d)")
+#: characters that say what `_SLASHED` finds
+DATE_LENGTH: Final = 11
 #: 2026年03月14日 09時58分00秒, and the same in Korean
 _CHARACTERS: Final = str.maketrans(
     {**dict.fromkeys("年月년월", "-"), **dict.fromkeys("時分시분", ":"), **dict.fromkeys("日일秒초"),
@@ -115,6 +118,43 @@ def _moment(text: str) -> datetime | None:
         return None
     moment = datetime.fromisoformat(text)
     return moment if zone is None else moment.replace(tzinfo=zone)
+
+
+def within_hours(cells: Iterable[str]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
+    """Return minutes and seconds of stamps [µs], and which differ in more than these from the one before, shapes (n,).
+
+    A stamp of another form than the one before differs, too; where the minutes cannot be told by their place, all do.
+    """
+    rest, parts = iter(cells), [(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.bool_))]
+    while part := list(islice(rest, _AT_ONCE)):
+        parts.append(_within_hour(part))
+    within_us, differs = zip(*parts, strict=True)
+    return np.concatenate(within_us), np.concatenate(differs)
+
+
+def _within_hour(cells: Sequence[str]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
+    place, differs = _MINUTES.search(cells[0]), np.ones(len(cells), dtype=np.bool_)
+    if place is None or max(map(len, cells)) > _LONGEST:
+        return np.zeros(len(cells), dtype=np.int64), differs
+    begin, end = place.span(1)
+    letters = np.array(cells).view(np.uint32).reshape(len(cells), -1).astype(np.int64)
+    low, high, size_us = _DIGITS_WITHIN[:, :end - begin]
+    earliest, latest = (stamp("".join([cells[0][:begin], *map(chr, ends), cells[0][end:]])) for ends in (low, high))
+    if earliest is None or latest is None or latest - earliest != timedelta(microseconds=int((high - low) @ size_us)):
+        return np.zeros(len(cells), dtype=np.int64), differs
+    digits, others = letters[:, begin:end], np.delete(letters, slice(begin, end), axis=1)
+    usual = np.all((low <= digits) & (digits <= high), axis=1)
+    differs[1:] = ~usual[1:] | ~usual[:-1] | np.any(others[1:] != others[:-1], axis=1)
+    return (digits - low) @ size_us, differs
+
+
+#: the least and the greatest character at each place of minutes and seconds, and how long its digit lasts [µs]
+_DIGITS_WITHIN: Final = np.array([
+    [*map(ord, "00:00.000000")], [*map(ord, "59:59.999999")],
+    [600_000_000, 60_000_000, 0, 10_000_000, 1_000_000, 0, *(10**k for k in range(5, -1, -1))]])
+_AT_ONCE: Final = 4096
+_LONGEST: Final = 60  # characters
+_MINUTES: Final = re.compile(r"\d:(\d\d:\d\d(?:\.\d{1,6})?)(?!\d)")
 
 
 def has_zone(cell: str) -> bool:

@@ -167,11 +167,11 @@ def _esphome(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
 
 
 #: measurement,tag=…,tag=… field=value,field=value 1741557600000000000
-_KEY: Final = r"(?:[^\s=,\\]|\\.)+"
-_FIELD_VALUE: Final = r"(?:\"(?:[^\"\\]|\\.)*\"|[^\s,\"]+)"
+_KEY: Final = r"(?:[^\s=,\\]++|\\.)++"
+_NAME: Final = r"(?:[^\s,\\]++|\\.)++"
+_FIELD_VALUE: Final = r"(?:\"(?:[^\"\\]++|\\.)*+\"|[^\s,\"]++)"
 _POINT: Final = re.compile(
-    rf"((?:[^\s,\\]|\\.)+(?:,{_KEY}=(?:[^\s,\\]|\\.)+)*) "
-    rf"({_KEY}={_FIELD_VALUE}(?:,{_KEY}={_FIELD_VALUE})*) (\d{{9,19}})\s*")
+    rf"({_NAME}(?:,{_KEY}={_NAME})*) ({_KEY}={_FIELD_VALUE}(?:,{_KEY}={_FIELD_VALUE})*) (\d{{9,19}})\s*")
 _FIELD: Final = re.compile(rf"({_KEY})=({_FIELD_VALUE})")
 
 
@@ -295,13 +295,13 @@ def _field_names(records: Sequence[Mapping[str, str]]) -> dict[str, str]:
 def _json_records(numbered: Sequence[Line]) -> tuple[list[dict[str, str]], list[int], int]:
     """Return name → cell of the records, the line of each, and how many lines hold none."""
     records: list[dict[str, str]] = []
-    lines: list[int] = []
+    lines, decode = list[int](), json.JSONDecoder().raw_decode
     for number, line in numbered:
         try:
-            record = json.loads(line.strip().rstrip(","))
+            record, end = decode(text := line.strip().rstrip(","))
         except (ValueError, RecursionError):
             continue
-        if isinstance(record, dict):
+        if isinstance(record, dict) and not text[end:].strip(" \t"):
             records.append(dict(_flat(record)))
             lines.append(number)
     if len(records) > len(numbered) / 2 and len(records) > 1:
@@ -329,7 +329,8 @@ def _flat(record: _Record, prefix: str = "") -> Iterator[tuple[str, str]]:
         if isinstance(value, dict):
             yield from _flat(value, f"{prefix}{name}.")
         elif not isinstance(value, list):
-            yield sys.intern(f"{prefix}{name}"), _JSON_WORDS.get(str(value), str(value))
+            cell = str(value)
+            yield sys.intern(prefix + name), _JSON_WORDS.get(cell, cell)
 
 
 _JSON_WORDS: Final = {"None": "", "True": "true", "False": "false"}

@@ -142,10 +142,11 @@ def _kalico_test(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTab
 
 
 #: a report of temperatures, as M105, M155 and M303 make it: T:20.5 /60.0 B:22.1 /0.0 @:64 B@:0
-_REPORT: Final = re.compile(r"(?:^|[\s:])T\d?: ?-?\d+(?:\.\d+)? */-?\d")
-_PART: Final = re.compile(r"(?:^|[\s:])([TBC]\d?): ?(-?\d+(?:\.\d+)?) */ ?(-?\d+(?:\.\d+)?)")
+_BEGINS: Final = r"(?<![^\s:].)"  # behind the first letter, which a search finds faster than what stands before it
+_REPORT: Final = re.compile(rf"T{_BEGINS}\d?: ?-?\d+(?:\.\d+)? */-?\d")
+_PART: Final = re.compile(rf"([TBC]{_BEGINS}\d?): ?(-?\d+(?:\.\d+)?) */ ?(-?\d+(?:\.\d+)?)")
 _SMOOTHIE: Final = re.compile(r"(?:^|[\s:])([TBC]\d?):-?[\d.]+ */ ?-?[\d.]+ @(\d+)")
-_SENT: Final = re.compile(r"(?<!\w)([TBC]?)@(\d?):(-?\d+)")
+_SENT: Final = re.compile(r"@(?:(?<=(?<!\w)([TBC])@)|(?<!\w@))(\d?):(-?\d+)")
 _MARLIN_FULL: Final = 127  # Marlin's soft PWM has seven bits
 _EIGHT_BITS_FULL: Final = 255
 
@@ -163,7 +164,7 @@ def _reports(numbered: Sequence[Line]) -> tuple[dict[str, list[tuple[int, list[s
             continue
         sent = {letter + digit: int(value) for letter, digit, value in _SENT.findall(line)}
         behind = {} if sent else {name: int(value) for name, value in _SMOOTHIE.findall(line)}
-        if behind or [*sent][:2] == ["B", ""] or max(sent.values(), default=0) > _MARLIN_FULL:
+        if behind or ("B" in sent and [*sent][:2] == ["B", ""]) or max(sent.values(), default=0) > _MARLIN_FULL:
             full = _EIGHT_BITS_FULL
         sent, stamp = sent or behind, line_stamp(line)
         for name, degC, target in _PART.findall(line):
