@@ -42,16 +42,8 @@ from heatertune.units import count
 from heatertune.writing import read_bytes
 
 __all__ = [
-    "MARK",
-    "SWITCHED",
-    "TORN",
-    "heaters_in",
-    "is_number",
-    "plain_cells",
-    "pwm_period_of",
-    "read_sheet",
-    "take_header",
-    "without_torn",
+    "MARK", "SWITCHED", "TORN", "heaters_in", "is_number", "plain_cells", "pwm_period_of", "read_sheet",
+    "take_header", "without_torn",
 ]
 
 Lines = npt.NDArray[np.int64]
@@ -160,9 +152,7 @@ def _is_title(row: Sequence[str], width: int) -> bool:
     return not is_reading and not (len(row) > 1 and any(map(role_of, row)))
 
 
-def _named(
-    lines: Lines, rows: Grid, chosen: int, below: Sequence[int], repairs: list[str]
-) -> tuple[str, ...]:
+def _named(lines: Lines, rows: Grid, chosen: int, below: Sequence[int], repairs: list[str]) -> tuple[str, ...]:
     """Return the names, with the units of a row below them."""
     names = list(rows[chosen]) if all(rows[chosen]) else _without_word(rows[chosen])
     above = rows[chosen - 1] if chosen else []
@@ -333,9 +323,7 @@ def heaters_in(path: Path) -> list[str]:
     return heater_names(_written_lines(_text(path, data, []), 0)[0])
 
 
-def _sheet_of_grid(
-    path: Path, grid: Grid, lines: Lines, repairs: list[str], lost: int, *, skip_empty: bool
-) -> Sheet:
+def _sheet_of_grid(path: Path, grid: Grid, lines: Lines, repairs: list[str], lost: int, *, skip_empty: bool) -> Sheet:
     """Return the sheet of a table, which is searched for its header."""
     header, above, below = take_header(lines, grid, repairs)
     kept = _without_partial_rows(path, lines, grid, below, repairs, skip_empty=skip_empty)
@@ -353,8 +341,8 @@ def _sheet_of(
         rows, lines = [row for row, line in zip(rows, lines, strict=True) if line > skip_rows], lines[lines > skip_rows]
     if not len(lines):
         raise LogError("the file is empty", file=path, expected="rows of time and temperature")
-    rows = rows if header or isinstance(rows, list) else list(rows)
-    grid = Grid(drain(rows), len(header) or _usual_width([*rows][-_HEADER_SAMPLE:]))
+    width = len(header) or _usual_width([*rows][-_HEADER_SAMPLE:])
+    grid = Grid(drain(rows) if isinstance(rows, list) else rows, width)
     if header:
         kept = _without_partial_rows(path, lines, grid, np.ones(len(grid), dtype=np.bool_), repairs,
                                      skip_empty=skip_empty)

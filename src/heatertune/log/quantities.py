@@ -326,9 +326,7 @@ def is_switch_word(cell: str) -> bool:
     return cell.lower() in _ON | _OFF
 
 
-def plain_quantities(
-    cells: CellColumn, *, decimal_commas: bool | None = None
-) -> tuple[CellColumn, str, bool] | None:
+def plain_quantities(cells: CellColumn, *, decimal_commas: bool | None = None) -> tuple[CellColumn, str, bool] | None:
     """Return plain numbers, the common unit, and whether there were decimal commas; None if nothing changes.
 
     A column with both commas and points of which neither is certain to group thousands is left unchanged; so is one

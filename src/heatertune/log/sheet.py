@@ -13,6 +13,7 @@ from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, islice
+from operator import ne
 from typing import Any, Final, TypeVar, overload
 
 import numpy as np
@@ -121,6 +122,14 @@ class CellColumn(Sequence[str]):
             return len(np.unique(np.fromiter(map(hash, self._texts), dtype=np.int64, count=len(self))))
         return len(self._used())
 
+    def differs(self) -> Mask:
+        """Return which cells differ from the one before, shape (n,)."""
+        if self._codes is None:
+            return np.fromiter(chain([False], map(ne, self, islice(self, 1, None))), dtype=np.bool_, count=len(self))
+        first: dict[str, int] = {}
+        codes = np.array([first.setdefault(text, k) for k, text in enumerate(self._texts)], dtype=np.intp)[self._codes]
+        return np.append(np.zeros(len(codes[:1]), dtype=np.bool_), codes[1:] != codes[:-1])
+
     def where(self, holds: Callable[[str], bool]) -> Mask:
         """Return the cells that fulfil a condition, shape (n,)."""
         return self._each(holds, np.bool_)
@@ -149,9 +158,8 @@ class CellColumn(Sequence[str]):
 
     def matches(self, mark: re.Pattern[str]) -> bool:
         """Return whether a mark occurs in a cell."""
-        if isinstance(self._texts, TextParts):
-            return mark.search(self._texts.text) is not None
-        return any(mark.search(cell) is not None for cell in self.kinds())
+        text = self._texts.text if isinstance(self._texts, TextParts) else "\n".join(self.kinds())
+        return mark.search(text) is not None
 
     def has_text(self) -> Mask:
         """Return which cells are not empty, shape (n,)."""
@@ -244,11 +252,8 @@ def _stripped(cells: Sequence[str]) -> Sequence[str]:
     return cells if plain else list(map(str.strip, cells))
 
 
-def drain(rows: Iterable[Row]) -> Iterator[Row]:
-    """Yield all rows, and leave a list of them empty: what was yielded need not be held."""
-    if not isinstance(rows, list):
-        yield from rows
-        return
+def drain(rows: list[Row]) -> Iterator[Row]:
+    """Yield all of a list, and leave it empty: what was yielded need not be held."""
     rows.reverse()
     while rows:
         yield rows.pop()

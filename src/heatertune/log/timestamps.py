@@ -14,9 +14,9 @@ import numpy.typing as npt
 from heatertune.arrays import Array
 
 __all__ = [
-    "DATE_LENGTH", "STAMPS", "clocks_in_digits", "duration_s", "has_zone", "is_clock", "is_date", "is_date_in_digits",
-    "is_day_or_month", "is_day_or_year", "is_hours_or_minutes", "month_first", "month_or_day_first", "past_hour",
-    "past_midnight", "stamp", "within_hours", "year_turned",
+    "NO_ORDER", "STAMPS", "clocks_in_digits", "day_first", "duration_s", "has_zone", "is_clock", "is_date",
+    "is_date_in_digits", "is_day_or_month", "is_hours_or_minutes", "month_first", "order_of_dates", "past_hour",
+    "past_midnight", "stamp", "within_hours",
 ]
 
 
@@ -33,8 +33,6 @@ _NOON = re.compile(r"(\d{1,2})(:\d\d.*?) ?([AaPp])\.? ?[Mm]\.?")
 _NOON_BEFORE = re.compile(r"([AP]M) ?(\d{1,2}:\d\d(?::\d\d)?(?:\.\d+)?)")
 _DATE = re.compile(r"\d{4}[-/.]\d\d?[-/.]\d\d?|\d\d?([-./])\d\d?\1(\d{4}|\d\d)")
 _SLASHED = re.compile(r"(\d{1,2})[-/](\d{1,2})[-/](\d{4}|\d\d)(?!\d)")
-#: characters that say what `_SLASHED` finds
-DATE_LENGTH: Final = 11
 #: 2026年03月14日 09時58分00秒, and the same in Korean
 _CHARACTERS: Final = str.maketrans(
     {**dict.fromkeys("年月년월", "-"), **dict.fromkeys("時分시분", ":"), **dict.fromkeys("日일秒초"),
@@ -53,8 +51,7 @@ _NAME: Final = r"([^\W\d_]{3,})"
 _DAY_AND_MONTH = re.compile(
     rf"(?:\w{{2,4}}\.?,? )?(\d{{1,2}})\.?[- /]+(?:de )?{_NAME}\.?[-, /]+(?:de )?(\d{{4}}|\d\d)\b[ ,T:]*(.*)")
 _MONTH_AND_DAY = re.compile(rf"(?:\w{{2,9}}\.?,? )?{_NAME}\.? (\d{{1,2}})(?:st|nd|rd|th)?,? (\d{{4}})\b[ ,T]*(.*)")
-_YEAR_LAST = re.compile(
-    rf"(?:\w{{3}} )?{_NAME} +(\d{{1,2}}) (\d\d:\d\d:\d\d(?:\.\d+)?)( [A-Z]{{2,5}})?(?: (\d{{4}}))?")
+_YEAR_LAST = re.compile(rf"(?:\w{{3}} )?{_NAME} +(\d{{1,2}}) (\d\d:\d\d:\d\d(?:\.\d+)?)( [A-Z]{{2,5}})?(?: (\d{{4}}))?")
 _YEAR_UNKNOWN: Final = "2000"  # a leap year, for lines of a system's log
 _THOUSANDTHS = re.compile(r"(:\d\d:\d\d):(\d{1,3})$")
 _PLACE: Final = re.compile(r"\[\w+/[\w/]+\]$")  # [Europe/Berlin] behind an offset
@@ -125,10 +122,9 @@ def within_hours(cells: Iterable[str]) -> tuple[npt.NDArray[np.int64], npt.NDArr
 
     A stamp of another form than the one before differs, too; where the minutes cannot be told by their place, all do.
     """
-    rest, parts = iter(cells), [(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.bool_))]
-    while part := list(islice(rest, _AT_ONCE)):
-        parts.append(_within_hour(part))
-    within_us, differs = zip(*parts, strict=True)
+    rest = iter(cells)
+    parts = iter(lambda: list(islice(rest, _AT_ONCE)), [])
+    within_us, differs = zip(*map(_within_hour, parts), strict=True)
     return np.concatenate(within_us), np.concatenate(differs)
 
 
@@ -270,13 +266,13 @@ def is_day_or_month(cells: Iterable[str]) -> bool:
     return len(dates) > 1 and all(int(first) <= 12 for first in dates.values())
 
 
-def is_day_or_year(cells: Iterable[str]) -> bool:
+def _is_day_or_year(cells: Iterable[str]) -> bool:
     """Return whether the dates may begin with a year of two digits, such as 26/03/14 and 26/03/15."""
     dates = {match.group(): match.group(3) for match in map(_SLASHED.match, cells) if match}
     return len(dates) > 1 and all(len(last) == 2 for last in dates.values())
 
 
-def month_or_day_first(cells: Sequence[str]) -> str:
+def _month_or_day_first(cells: Sequence[str]) -> str:
     """Return "month", "day" or "year" if only with it first dates such as 03/04/2026 follow each other, else "".
 
     Of a log with a row or two for each date, which may be one of a month, nothing is inferred.
@@ -302,9 +298,28 @@ _DAY_BY_DAY: Final = 7  # days
 _MONTH_BY_MONTH: Final = 20
 
 
-def year_turned(cell: str) -> str:
-    """Return a cell with the four digits of the year of its date, 26/03/14, which comes first."""
-    return f"20{cell}" if _SLASHED.match(cell) else cell
+def order_of_dates(cells: Sequence[str]) -> tuple[str, str]:
+    """Return "month", "day" or "year" if dates that may be read otherwise begin with it, else ""; and why."""
+    dates = dict.fromkeys(cell[:_DATE_LENGTH] for cell in cells)
+    if month_first(dates):
+        return "month", ""
+    is_open = is_day_or_month(dates)
+    order = _month_or_day_first(cells) if is_open or _is_day_or_year(dates) else ""
+    if order and (is_open or order == "year"):
+        return order, ": so they follow each other day by day"
+    return "", NO_ORDER if is_open else ""
+
+
+#: the reason of `order_of_dates` where day and month may be meant
+NO_ORDER: Final = "?"
+_DATE_LENGTH: Final = 11  # characters that say what `_SLASHED` finds
+
+
+def day_first(cell: str, order: str) -> str:
+    """Return a cell whose date begins with the month or the year, 26/03/14, with the day first, or the year as 2026."""
+    if order == "month":
+        return month_first((cell,), turn=True) or cell
+    return f"20{cell}" if order == "year" and _SLASHED.match(cell) else cell
 
 
 def month_first(cells: Iterable[str], *, turn: bool = False) -> str:

@@ -114,8 +114,7 @@ def _arrow(path: Path, data: bytes, _: str | None) -> FormatTable:
         stored = library.read_table(io.BytesIO(data))
         columns = [column.cast(timestamp("us", column.type.tz), safe=False) if types.is_timestamp(column.type)
                    else column for column in stored.columns]
-        cells = [_cells_of(value for k in range(0, len(column), _AT_ONCE) for value in column.slice(k, _AT_ONCE).to_pylist())
-                 for column in columns]
+        cells = [_cells_of(_in_parts(column)) for column in columns]
     except (ArrowException, OSError, ValueError, OverflowError) as problem:
         raise LogError("a table that is damaged", file=path, expected="a whole .parquet or .feather file") from problem
     return _of_columns(path, kind, stored.column_names, cells)
@@ -150,6 +149,12 @@ def _matlab(path: Path, data: bytes, tag: str | None) -> FormatTable:
     return _of_columns(path, "MATLAB", tuple(chosen), list(chosen.values()))
 
 
+def _in_parts(column: Any) -> Iterator[Any]:
+    """Yield the values of a column of Arrow; all at once they would take ten times the memory."""
+    for k in range(0, len(column), _AT_ONCE):
+        yield from column.slice(k, _AT_ONCE).to_pylist()
+
+
 def _cells_of(values: Iterable[Any]) -> CellColumn:
     return CellColumn.of(map(_cell, values))
 
@@ -158,7 +163,8 @@ def _of_columns(path: Path, kind: str, names: Sequence[str], columns: Sequence[C
     number = max(map(len, columns), default=0)
     if not number:
         raise LogError("a table without rows", file=path, expected="columns of time and temperature")
-    return FormatTable(tuple(names), map(list, zip(*columns, strict=True)), range(1, number + 1),
+    rows = map(list, zip(*columns, strict=True))
+    return FormatTable(tuple(names), rows if names else [*rows], range(1, number + 1),
                        [f"{kind}: {count(number, 'row')} read."])
 
 

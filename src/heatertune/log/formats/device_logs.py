@@ -176,28 +176,23 @@ _FIELD: Final = re.compile(rf"({_KEY})=({_FIELD_VALUE})")
 
 
 def _line_protocol(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
-    """Return a long table of the fields; where there is one series, a field alone is the tag."""
-    rows, lines, names = list[list[str]](), list[int](), dict[str, str]()
-    for number, series, name, value, instant in _fields_of_points(numbered):
-        names[tag := sys.intern(f"{series} {name}")] = name
-        rows.append([instant, tag, value])
-        lines.append(number)
-    for row in rows if len({tag.removesuffix(name) for tag, name in names.items()}) == 1 else ():
-        row[1] = names[row[1]]
-    points = len(set(lines))
-    repairs = [f"Line protocol of InfluxDB: {count(points, 'point')} read, {len(numbered) - points} other "
-               "lines passed over."]
-    return FormatTable(("time", "tag", "value"), rows, lines, repairs)
-
-
-def _fields_of_points(numbered: Sequence[Line]) -> Iterator[tuple[int, str, str, str, str]]:
-    """Yield line number, series, name, value and instant of each field that is no text."""
+    """Return a long table of the fields that are no text; where there is one series, a field alone is the tag."""
+    instants, tags, values, lines, names = list[str](), list[str](), list[str](), list[int](), dict[str, str]()
     for number, line in numbered:
-        if (found := _POINT.fullmatch(line)) is not None:
-            series, fields, instant = found.groups()
-            for name, value in _FIELD.findall(fields):
-                if not value.startswith('"'):
-                    yield number, series, name, value.rstrip("iu"), instant
+        series, fields, instant = ("", "", "") if (found := _POINT.fullmatch(line)) is None else found.groups()
+        for name, value in _FIELD.findall(fields):
+            if value[0] != '"':
+                names[tag := sys.intern(f"{series} {name}")] = name
+                instants.append(instant)
+                tags.append(tag)
+                values.append(value.rstrip("iu"))
+                lines.append(number)
+    is_single = len({tag.removesuffix(name) for tag, name in names.items()}) == 1
+    points = count(len(set(lines)), "point")
+    others = len(numbered) - len(set(lines))
+    rows = zip(instants, map(names.__getitem__, tags) if is_single else tags, values, strict=True)
+    return FormatTable(("time", "tag", "value"), map(list, rows), lines,
+                       [f"Line protocol of InfluxDB: {points} read, {others} other lines passed over."])
 
 
 def _artisan_csv(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
