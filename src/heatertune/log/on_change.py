@@ -33,8 +33,8 @@ _QUALITY: Final = re.compile(
 _STATUS_CODE: Final = re.compile(r"status ?code", re.IGNORECASE)
 _VALID: Final = re.compile(r"valid(ity)?|good|g(ü|ue)ltig(keit)?", re.IGNORECASE)
 _WORDS: Final = re.compile(r"(good|gut|ok|valid|gültig|true|wahr|yes|ja)\b.*", re.IGNORECASE)
-_BAD_WORDS: Final = re.compile(r"(?i)(bad|uncertain|questionable|substitut|invalid|not ?good|error|false|falsch|no\b|nein"
-                               r"|schlecht|ungültig|unsicher|unknown|unavailable|fail|stale|offline|comm).*")
+_BAD_WORDS: Final = re.compile(r"(?i)(bad|uncertain|questionable|substitut|invalid|not ?good|error|false|falsch|no\b"
+                               r"|nein|schlecht|ungültig|unsicher|unknown|unavailable|fail|stale|offline|comm).*")
 _OPC_GOOD: Final = 192  # OPC DA: the two high bits of the byte, 0xC0; 216 is a local override, good too
 
 

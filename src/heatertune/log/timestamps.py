@@ -300,7 +300,7 @@ _MONTH_BY_MONTH: Final = 20
 
 def order_of_dates(cells: Sequence[str]) -> tuple[str, str]:
     """Return "month", "day" or "year" if dates that may be read otherwise begin with it, else ""; and why."""
-    dates = dict.fromkeys(cell[:_DATE_LENGTH] for cell in cells)
+    dates = dict.fromkeys(cell[:11] for cell in cells)  # the characters that `_SLASHED` looks at
     if month_first(dates):
         return "month", ""
     is_open = is_day_or_month(dates)
@@ -312,7 +312,6 @@ def order_of_dates(cells: Sequence[str]) -> tuple[str, str]:
 
 #: the reason of `order_of_dates` where day and month may be meant
 NO_ORDER: Final = "?"
-_DATE_LENGTH: Final = 11  # characters that say what `_SLASHED` finds
 
 
 def day_first(cell: str, order: str) -> str:
