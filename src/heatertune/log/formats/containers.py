@@ -21,7 +21,7 @@ from typing import Any, Final
 from heatertune.errors import LogError
 from heatertune.log.formats.format_table import BinaryFormat, FormatTable, Line, TextFormat, line_stamp
 from heatertune.log.quantities import role_of
-from heatertune.log.sheet import CellColumn
+from heatertune.log.sheet import CellColumn, drain
 from heatertune.units import count
 from heatertune.writing import read_beyond
 
@@ -95,8 +95,8 @@ def _workbook(path: Path, data: bytes, tag: str | None) -> FormatTable:
     numbers = {name: sum(isinstance(cell, int | float) for row in rows for cell in row)
                for name, rows in sheets.items()}
     name = tag if tag in sheets else max(numbers, key=lambda title: numbers[title], default="")
-    rows = [(number, [_cell(cell) for cell in row]) for number, row in enumerate(sheets.get(name, ()), start=1)]
-    kept = [(number, row) for number, row in rows if any(row)]
+    rows = (list(map(_cell, row)) for row in drain(sheets.get(name, [])))
+    kept = [(number, row) for number, row in enumerate(rows, start=1) if any(row)]
     others = [each for each in sheets if each != name]
     passed = f"; other sheets: {', '.join(others[:_SHOWN])} (--tag)" if others else ""
     return FormatTable((), [row for _, row in kept], [number for number, _ in kept],
