@@ -42,7 +42,7 @@ class NumberedLines(Sequence[Line]):
         return self if kept.all() else self.at_rows(kept)
 
     def at_rows(self, places: npt.NDArray[np.bool_]) -> NumberedLines:
-        """Return the lines at some places."""
+        """Return the lines that a mask of shape (n,) keeps."""
         return NumberedLines(self.numbers[places], self.texts.at_rows(places))
 
     def __len__(self) -> int:
