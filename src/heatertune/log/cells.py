@@ -10,7 +10,6 @@ from __future__ import annotations
 import codecs
 import csv
 import re
-from array import array
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -37,22 +36,14 @@ from heatertune.log.quantities import (
     usual_form,
     without_marks,
 )
-from heatertune.log.sheet import Grid, Sheet, TextParts, drain
+from heatertune.log.sheet import Grid, Sheet, TextParts, drain, line_breaks
 from heatertune.log.timestamps import stamp
 from heatertune.units import count
 from heatertune.writing import read_bytes
 
 __all__ = [
-    "MARK",
-    "SWITCHED",
-    "TORN",
-    "heaters_in",
-    "is_number",
-    "plain_cells",
-    "pwm_period_of",
-    "read_sheet",
-    "take_header",
-    "without_torn",
+    "MARK", "SWITCHED", "TORN", "heaters_in", "is_number", "plain_cells", "pwm_period_of", "read_sheet",
+    "take_header", "without_torn",
 ]
 
 Lines = npt.NDArray[np.int64]
@@ -161,9 +152,7 @@ def _is_title(row: Sequence[str], width: int) -> bool:
     return not is_reading and not (len(row) > 1 and any(map(role_of, row)))
 
 
-def _named(
-    lines: Lines, rows: Grid, chosen: int, below: Sequence[int], repairs: list[str]
-) -> tuple[str, ...]:
+def _named(lines: Lines, rows: Grid, chosen: int, below: Sequence[int], repairs: list[str]) -> tuple[str, ...]:
     """Return the names, with the units of a row below them."""
     names = list(rows[chosen]) if all(rows[chosen]) else _without_word(rows[chosen])
     above = rows[chosen - 1] if chosen else []
@@ -243,7 +232,8 @@ def without_torn(text: str, repairs: list[str]) -> str:
     return "\n".join(lines)
 
 
-_CONTROL = re.compile(r"[\x00-\x08\x0e-\x1a\x1c-\x1f\x7f]")  # but the escape of coloured logs
+_CONTROLS: Final = bytes([*range(9), *range(0x0E, 0x1B), *range(0x1C, 0x20), 0x7F]).decode()  # not of coloured logs
+_CONTROL: Final = re.compile(f"[{_CONTROLS}]")
 _MOST_STRANGE: Final = 0.005  # share of control characters other than NUL: more is no text
 _HEAD: Final = 1 << 16  # bytes looked at to find the encoding
 _NEARLY_ALL: Final = 0.9
@@ -333,9 +323,7 @@ def heaters_in(path: Path) -> list[str]:
     return heater_names(_written_lines(_text(path, data, []), 0)[0])
 
 
-def _sheet_of_grid(
-    path: Path, grid: Grid, lines: Lines, repairs: list[str], lost: int, *, skip_empty: bool
-) -> Sheet:
+def _sheet_of_grid(path: Path, grid: Grid, lines: Lines, repairs: list[str], lost: int, *, skip_empty: bool) -> Sheet:
     """Return the sheet of a table, which is searched for its header."""
     header, above, below = take_header(lines, grid, repairs)
     kept = _without_partial_rows(path, lines, grid, below, repairs, skip_empty=skip_empty)
@@ -351,9 +339,10 @@ def _sheet_of(
     rows, lines, header = table.rows, np.array(table.lines, dtype=np.int64), table.header
     if not header and skip_rows:
         rows, lines = [row for row, line in zip(rows, lines, strict=True) if line > skip_rows], lines[lines > skip_rows]
-    if not rows:
+    if not len(lines):
         raise LogError("the file is empty", file=path, expected="rows of time and temperature")
-    grid = Grid(drain(rows), len(header) or _usual_width(rows[-_HEADER_SAMPLE:]))
+    width = len(header) or _usual_width([*rows][-_HEADER_SAMPLE:])
+    grid = Grid(drain(rows) if isinstance(rows, list) else rows, width)
     if header:
         kept = _without_partial_rows(path, lines, grid, np.ones(len(grid), dtype=np.bool_), repairs,
                                      skip_empty=skip_empty)
@@ -397,31 +386,22 @@ def _written_lines(text: str, skip_rows: int) -> tuple[NumberedLines, int, int]:
     """
     if "\r" in text:
         text = text.replace("\r\n", "\n").replace("\r", "\n")
-    places = array("I" if len(text) < 1 << 32 else "Q")
-    passed, damaged, end, comment = 0, 0, -1, False
-    clean = _CONTROL.search(text) is None
-    number, length = 0, len(text)
-    while (begin := end + 1) < length:
-        end = text.find("\n", begin)
-        end = length if end < 0 else end
-        number += 1
-        if number <= skip_rows:
-            continue
-        line = text[begin:end]
-        if not clean and _CONTROL.search(line):
-            damaged += 1
-            continue
-        is_comment, is_blank = line.startswith("#"), not line.strip(" \t,;")
-        if is_blank or (is_comment and comment):
-            passed += 1
-        if is_blank:
-            continue
-        if comment and is_comment:
-            del places[-3:]
-        places.extend((number, begin, end))
-        comment = is_comment
-    numbers, begins, ends = np.array(places).reshape(-1, 3).T.copy()
-    return NumberedLines(numbers, TextParts(text, begins, ends)), passed, damaged
+    breaks = line_breaks(text)
+    begins, ends = np.append(0, breaks + 1)[skip_rows:], np.append(breaks, len(text))[skip_rows:]
+    if len(begins) and begins[-1] == len(text):
+        begins, ends = begins[:-1], ends[:-1]
+    lines = NumberedLines(np.arange(skip_rows + 1, skip_rows + 1 + len(begins)), TextParts(text, begins, ends))
+    written = lines.where(lambda line: _CONTROL.search(line) is None) if _is_damaged(text) else lines
+    kept = written.where(lambda line: line.strip(" \t,;") != "")
+    if "#" in text:
+        is_comment = np.fromiter((line.startswith("#") for line in kept.texts), dtype=np.bool_, count=len(kept))
+        kept = kept.at_rows(~(is_comment & np.append(is_comment[1:], False)))
+    return kept, len(written) - len(kept), len(lines) - len(written)
+
+
+def _is_damaged(text: str) -> bool:
+    """Return whether a text holds a control character, each looked for at once."""
+    return any(mark in text for mark in _CONTROLS)
 
 
 def _content(path: Path, content: bytes | None) -> bytes:
@@ -434,7 +414,7 @@ def _content(path: Path, content: bytes | None) -> bytes:
 def _text(path: Path, data: bytes, repairs: list[str]) -> str:
     text = _decoded(path, data, repairs).removesuffix("\x1a")  # the end of a file of DOS
     written = len(text) - text.count("\0")
-    strange = len(_CONTROL.findall(text)) - (len(text) - written) if _CONTROL.search(text) else 0
+    strange = len(_CONTROL.findall(text)) - (len(text) - written) if _is_damaged(text) else 0
     if strange > _MOST_STRANGE * written or (text and not written):
         expected = "a text file with one row per reading (UTF-8, Latin-1, or UTF-16 with its byte order mark)"
         raise LogError("the file is binary", file=path, expected=expected)
@@ -533,12 +513,14 @@ def _split(path: Path, lines: NumberedLines, separator: str | None) -> Grid:
     rows: Iterable[list[str]] = (_BEFORE_CLOCK.sub("T", text).split() for text in lines.texts)
     if separator is None:
         return Grid(rows, _usual_width(_BEFORE_CLOCK.sub("T", text).split() for text in lines.texts[-_SAMPLE:]))
-    reader = csv.reader(_between(lines.texts, separator), delimiter=separator[-1], skipinitialspace=True)
     try:
         last = csv.reader(_usual_lines(lines.texts, separator), delimiter=separator[-1], skipinitialspace=True)
         width = _usual_width(row or [""] for row in last)
     except csv.Error:
         width = 1  # the whole table tells the line
+    if '"' not in lines.texts.text and lines.texts.longest() <= csv.field_size_limit():
+        return Grid((text.split(separator[-1]) for text in _between(lines.texts, separator)), width)
+    reader = csv.reader(_between(lines.texts, separator), delimiter=separator[-1], skipinitialspace=True)
     try:
         return Grid((row or [""] for row in reader), width)
     except csv.Error as problem:

@@ -288,9 +288,7 @@ def in_order(sheet: Sheet, time: Array, repairs: list[str]) -> tuple[Sheet, Arra
     return sheet.at_rows(order), time[order]
 
 
-def one_run(
-    sheet: Sheet, time: Array, wanted: int | None, repairs: list[str]
-) -> tuple[Sheet, Array, int | None]:
+def one_run(sheet: Sheet, time: Array, wanted: int | None, repairs: list[str]) -> tuple[Sheet, Array, int | None]:
     """Return the rows of one run, their times, and the number of the run, None if there is only one.
 
     The run is the requested one (1 = first), otherwise the longest.

@@ -10,6 +10,7 @@ import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import accumulate
 from typing import Final
 
@@ -43,21 +44,21 @@ from heatertune.log.side_columns import (
     quoted,
 )
 from heatertune.log.timestamps import (
+    NO_ORDER,
     STAMPS,
     clocks_in_digits,
+    day_first,
     duration_s,
     is_clock,
     is_date,
     is_date_in_digits,
-    is_day_or_month,
-    is_day_or_year,
     is_hours_or_minutes,
     month_first,
-    month_or_day_first,
+    order_of_dates,
     past_hour,
     past_midnight,
     stamp,
-    year_turned,
+    within_hours,
 )
 
 __all__ = [
@@ -632,27 +633,24 @@ def _are_days(values: Array, named: str | None) -> bool:
 
 
 def _from_stamps(sheet: Sheet, columns: Columns, cells: CellColumn, repairs: list[str]) -> Array:
-    if month_first(cells):
-        repairs.append("The dates are read with the month first.")
-        cells = cells.map(lambda cell: month_first((cell,), turn=True) or cell)
-    elif is_day_or_month(cells) and (order := month_or_day_first(cells)):
-        repairs.append(f"The dates are read with the {order} first: so they follow each other day by day.")
-        turn = {"month": lambda cell: month_first((cell,), turn=True) or cell, "year": year_turned}
-        cells = cells.map(turn[order]) if order in turn else cells
-    elif is_day_or_year(cells) and month_or_day_first(cells) == "year":
-        repairs.append("The dates are read with the year first: so they follow each other day by day.")
-        cells = cells.map(year_turned)
-    elif is_day_or_month(cells):
+    order, reason = order_of_dates(cells)
+    if reason == NO_ORDER:
         raise cell_error(sheet, columns, "time", 0, "a date that may be day first or month first:",
                       f"{STAMPS}, or --log-interval with the seconds between two rows")
+    if order:
+        repairs.append(f"The dates are read with the {order} first{reason}.")
+        cells = cells.map(partial(day_first, order=order))
     first = stamp(cells[0])
-    elapsed_s = np.empty(len(cells))
-    for row, moment in enumerate(map(stamp, cells)):
+    within_us, is_parsed = within_hours(cells)
+    parsed, elapsed_s = np.flatnonzero(is_parsed), np.empty(len(cells))
+    for row, moment in zip(parsed.tolist(), map(stamp, cells.at_rows(parsed)), strict=True):
         if moment is None or first is None:
             raise cell_error(sheet, columns, "time", row, "no time:", STAMPS)
         if (moment.tzinfo is None) != (first.tzinfo is None):
             raise cell_error(sheet, columns, "time", row, "with and without a time zone:", f"all like {cells[0]}")
         elapsed_s[row] = (moment - first).total_seconds()
+    before = parsed[np.cumsum(is_parsed) - 1]
+    elapsed_s = (np.round(1e6 * elapsed_s[before]) + (within_us - within_us[before])) / 1e6
     return past_midnight(elapsed_s, repairs) if is_clock(cells[0]) else elapsed_s
 
 

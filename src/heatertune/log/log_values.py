@@ -19,23 +19,8 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 __all__ = [
-    "ABSOLUTE_ZERO_DEGC",
-    "AS_ROOM",
-    "BUILT_IN",
-    "EXPLICIT",
-    "HOLD",
-    "MIN_SAMPLES",
-    "MOST_REPAIRED",
-    "ON_CHANGE",
-    "SAMPLES",
-    "UNIT_OPTIONS",
-    "BuiltIn",
-    "Erratum",
-    "Log",
-    "LogSignal",
-    "Option",
-    "ReadSummary",
-    "built_in",
+    "ABSOLUTE_ZERO_DEGC", "AS_ROOM", "BUILT_IN", "EXPLICIT", "HOLD", "MIN_SAMPLES", "MOST_REPAIRED", "ON_CHANGE",
+    "SAMPLES", "UNIT_OPTIONS", "BuiltIn", "Erratum", "Log", "LogSignal", "Option", "ReadSummary", "built_in",
 ]
 
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from itertools import chain, pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -24,7 +23,7 @@ from heatertune.log.sheet import CellColumn, Sheet
 from heatertune.units import count
 
 __all__ = [
-    "OnChange", "RestoredRows", "differs", "good_rows", "held_readings", "is_quality", "on_change", "spread",
+    "OnChange", "RestoredRows", "good_rows", "held_readings", "is_quality", "on_change", "spread",
     "without_blank_power",
 ]
 
@@ -34,9 +33,8 @@ _QUALITY: Final = re.compile(
 _STATUS_CODE: Final = re.compile(r"status ?code", re.IGNORECASE)
 _VALID: Final = re.compile(r"valid(ity)?|good|g(ü|ue)ltig(keit)?", re.IGNORECASE)
 _WORDS: Final = re.compile(r"(good|gut|ok|valid|gültig|true|wahr|yes|ja)\b.*", re.IGNORECASE)
-_BAD_WORDS: Final = re.compile(
-    r"(bad|uncertain|questionable|substitut|invalid|not ?good|error|false|falsch|no\b|nein|schlecht|ungültig|unsicher"
-    r"|unknown|unavailable|fail|stale|offline|comm).*", re.IGNORECASE)
+_BAD_WORDS: Final = re.compile(r"(?i)(bad|uncertain|questionable|substitut|invalid|not ?good|error|false|falsch|no\b"
+                               r"|nein|schlecht|ungültig|unsicher|unknown|unavailable|fail|stale|offline|comm).*")
 _OPC_GOOD: Final = 192  # OPC DA: the two high bits of the byte, 0xC0; 216 is a local override, good too
 
 
@@ -196,7 +194,7 @@ def without_blank_power(sheet: Sheet, columns: Columns, time: Array, repairs: li
     sparse = 0 < len(written) < len(cells) and (
         sheet.other_file != "" or _is_of_changes(cells.at_rows(written), int(written[0])))
     if not sparse:
-        return sheet, time, blank & differs(cells) if np.any(blank) else blank
+        return sheet, time, blank & cells.differs() if np.any(blank) else blank
     first = int(written[0])
     last = written[np.searchsorted(written, np.arange(first, len(cells)), side="right") - 1]
     repairs.append("The power is written where it changes; it was held through "
@@ -223,7 +221,9 @@ def held_readings(readings: Array) -> Mask:
     """
     held = np.zeros(len(readings), dtype=np.bool_)
     changes = np.flatnonzero(np.diff(readings) != 0.0) + 1
-    for length in range(_SHORTEST_HOLD, _LONGEST_HOLD + 1 if len(changes) >= _FEWEST else 0):
+    few = int(2.0 * (1.0 - _AT_BEGIN) * len(changes)) + 1  # two rows written anew for each change elsewhere
+    longest = min(_LONGEST_HOLD, np.partition(np.diff(changes), few)[few]) if len(changes) >= _FEWEST else 0
+    for length in range(_SHORTEST_HOLD, longest + 1):
         phases = np.bincount(changes % length, minlength=length)
         begin = int(phases.argmax())
         if phases[begin] > max(_AT_BEGIN * len(changes), _CHANGED * len(readings) / length):
@@ -234,13 +234,5 @@ def held_readings(readings: Array) -> Mask:
 
 def _is_of_changes(written: CellColumn, first: int) -> bool:
     """Return whether written cells are changes; a single one is where `first`, the row of the first one, is 0."""
-    return (len(written) > 1 or first == 0) and _repeats(written) <= _REPEATS * len(written)
-
-
-def differs(cells: CellColumn) -> Mask:
-    """Return which cells differ from the one before, shape (n,)."""
-    return np.fromiter(chain([False], (a != b for a, b in pairwise(cells))), dtype=np.bool_, count=len(cells))
-
-
-def _repeats(cells: CellColumn) -> int:
-    return len(cells) - 1 - int(np.count_nonzero(differs(cells)))
+    repeats = np.count_nonzero(~written.differs()[1:])
+    return bool((len(written) > 1 or first == 0) and repeats <= _REPEATS * len(written))

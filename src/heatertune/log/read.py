@@ -57,7 +57,7 @@ from heatertune.log.log_values import (
     ReadSummary,
     built_in,
 )
-from heatertune.log.on_change import Mask, differs, held_readings, on_change, spread, without_blank_power
+from heatertune.log.on_change import Mask, held_readings, on_change, spread, without_blank_power
 from heatertune.log.power_range import power_of, with_switch
 from heatertune.log.quantities import ROLES, is_scaled, on_or_off, says_nothing
 from heatertune.log.sheet import Sheet
@@ -79,8 +79,7 @@ __all__ = ["SIGNS", "RowCounts", "clock_shifts_s", "log_of", "read_log", "stated
 
 
 #: unit of a temperature → how it is written
-SIGNS: Final = {
-    "degC": "°C", "degF": "°F", "K": "K", "0.1degC": "0.1 °C", "0.01degC": "0.01 °C", "0.1degF": "0.1 °F"}
+SIGNS: Final = {"degC": "°C", "degF": "°F", "K": "K", "0.1degC": "0.1 °C", "0.01degC": "0.01 °C", "0.1degF": "0.1 °F"}
 
 
 class RowCounts(NamedTuple):
@@ -344,8 +343,7 @@ def _readings(
     if held.any():
         repairs.append(f"The sensor is read in every {len(held) / np.count_nonzero(~held):.0f}th row; the rows between "
                        "hold its reading.")
-    powered = np.zeros_like(held) if "power" not in columns.index else held & differs(
-        sheet.columns[columns.index["power"]])
+    powered = held & ("power" in columns.index and sheet.columns[columns.index["power"]].differs())
     return raw, (edges & between) | powered, held & ~powered
 
 
@@ -618,8 +616,7 @@ def _with_cooling(sheet: Sheet, columns: Columns, power: LogSignal | None, repai
     switched = on_or_off(sheet.columns[columns.index["cooling"]])
     named = columns.unit("cooling")
     full = 1.0 if switched is not None else float(named) if named else power.full_scale
-    values = switched if switched is not None else _held(
-        sheet, columns, "cooling", repairs)[0]
+    values = switched if switched is not None else _held(sheet, columns, "cooling", repairs)[0]
     other = "--cooling-column none --disturbance-column " + quoted(columns.names["cooling"])
     for wrong, problem, expected in (
         ((values < 0.0) | (values > full), "power of the cooler out of range:",

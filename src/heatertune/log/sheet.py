@@ -7,11 +7,13 @@ most (titles, names, a row that was cut) stand aside until it is known which are
 from __future__ import annotations
 
 import re
+import string
 from array import array
 from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, islice
+from operator import ne
 from typing import Any, Final, TypeVar, overload
 
 import numpy as np
@@ -19,13 +21,14 @@ import numpy.typing as npt
 
 from heatertune.arrays import Array
 
-__all__ = ["CellColumn", "Grid", "Sheet", "TextParts", "drain"]
+__all__ = ["CellColumn", "Grid", "Sheet", "TextParts", "drain", "line_breaks"]
 
 Mask = npt.NDArray[np.bool_]
 Rows = npt.NDArray[np.intp]
 Row = TypeVar("Row")
 
 _AT_ONCE: Final = 4096  # rows
+_SEARCHED: Final = 1 << 16  # characters
 _MOST_KINDS: Final = 1 << 16
 _FEW_KINDS: Final = 0.5  # of the rows: more different texts are held one after the other
 
@@ -62,6 +65,10 @@ class TextParts(Sequence[str]):
             if len(parts) == len(begins):
                 return parts
         return [text[first:last] for first, last in zip(begins.tolist(), ends.tolist(), strict=True)]
+
+    def longest(self) -> int:
+        """Return the number of characters of the longest part, 0 if there is none."""
+        return int(np.max(self._ends - self._begins, initial=0))
 
     def has_text(self) -> Mask:
         """Return which parts are not empty, shape (n,)."""
@@ -115,6 +122,14 @@ class CellColumn(Sequence[str]):
             return len(np.unique(np.fromiter(map(hash, self._texts), dtype=np.int64, count=len(self))))
         return len(self._used())
 
+    def differs(self) -> Mask:
+        """Return which cells differ from the one before, shape (n,)."""
+        if self._codes is None:
+            return np.fromiter(chain([False], map(ne, self, islice(self, 1, None))), dtype=np.bool_, count=len(self))
+        first: dict[str, int] = {}
+        codes = np.array([first.setdefault(text, k) for k, text in enumerate(self._texts)], dtype=np.intp)[self._codes]
+        return np.append(np.zeros(len(codes[:1]), dtype=np.bool_), codes[1:] != codes[:-1])
+
     def where(self, holds: Callable[[str], bool]) -> Mask:
         """Return the cells that fulfil a condition, shape (n,)."""
         return self._each(holds, np.bool_)
@@ -143,9 +158,8 @@ class CellColumn(Sequence[str]):
 
     def matches(self, mark: re.Pattern[str]) -> bool:
         """Return whether a mark occurs in a cell."""
-        if isinstance(self._texts, TextParts):
-            return mark.search(self._texts.text) is not None
-        return any(mark.search(cell) is not None for cell in self.kinds())
+        text = self._texts.text if isinstance(self._texts, TextParts) else "\n".join(self.kinds())
+        return mark.search(text) is not None
 
     def has_text(self) -> Mask:
         """Return which cells are not empty, shape (n,)."""
@@ -209,8 +223,12 @@ class _Writer:
             self._kinds, self._codes = None, array("H")
             for k in range(0, len(before), _AT_ONCE):
                 self.add([texts[code] for code in before[k:k + _AT_ONCE]])
-        self._lengths.extend(map(len, cells))
-        self._parts.append("\n".join(cells))
+        text = "\n".join(cells)
+        ends = np.append(line_breaks(text), len(text))
+        if len(ends) != len(cells):  # a cell has a line break itself
+            ends = np.cumsum([len(cell) + 1 for cell in cells]) - 1
+        self._lengths.frombytes((np.diff(ends, prepend=-1) - 1).astype(np.uint32).tobytes())
+        self._parts.append(text)
 
     def column(self) -> CellColumn:
         if self._kinds is not None:
@@ -218,6 +236,20 @@ class _Writer:
             return CellColumn(list(self._kinds), np.array(self._codes, dtype=np.uint8 if narrow else np.uint16))
         ends = np.cumsum(np.frombuffer(self._lengths, dtype=np.uint32) + 1, dtype=np.int64)
         return CellColumn(TextParts("\n".join(self._parts), np.concatenate([[0], ends[:-1]]), ends - 1))
+
+
+def line_breaks(text: str) -> Rows:
+    """Return the places of the line breaks in a text, shape (n,)."""
+    return np.concatenate([np.flatnonzero(np.frombuffer(
+        text[k:k + _SEARCHED].encode("utf-32-le", "surrogatepass"), dtype="<u4") == ord("\n")) + k
+        for k in range(0, len(text) + 1, _SEARCHED)])
+
+
+def _stripped(cells: Sequence[str]) -> Sequence[str]:
+    """Return cells without the white space around them."""
+    text = "".join(cells)
+    plain = text.isascii() and not any(mark in text for mark in string.whitespace + "\x1c\x1d\x1e\x1f")
+    return cells if plain else list(map(str.strip, cells))
 
 
 def drain(rows: list[Row]) -> Iterator[Row]:
@@ -245,7 +277,7 @@ class Grid(Sequence[list[str]]):
                 self.aside |= {k: list(map(str.strip, row)) for k, row in enumerate(part, start=self._number)
                                if len(row) != width}
             for writer, cells in zip(writers, zip(*wide, strict=True), strict=bool(wide)):
-                writer.add(list(map(str.strip, cells)))
+                writer.add(_stripped(cells))
             self._number += len(part)
         self.columns = [writer.column() for writer in writers]
         self._places = sorted(self.aside)
@@ -280,7 +312,7 @@ class Grid(Sequence[list[str]]):
         """Return the rows with these cells."""
         found = [k for k, cells in self.aside.items() if cells == list(row)]
         if len(row) == self.width:
-            alike = np.flatnonzero(self.columns[0].where(lambda cell: cell == row[0]))
+            alike = np.flatnonzero(self.columns[0].where(row[0].__eq__))
             found += [k for k in self._usual()[alike].tolist() if self[k] == list(row)]
         return sorted(found)
 

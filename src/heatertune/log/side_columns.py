@@ -140,9 +140,8 @@ SIDE_ROLES: Final = ("cooling", "disturbance", "ambient")
 
 _HEATS: Final = re.compile(r"(?i:heat|heiz|aquec|calefac|chauff|riscald|нагрев|加热|加熱)")
 _COOLS: Final = re.compile(r"(?i:cool(?!ant)|kühl|kuehl|kälte|refrig|refroid|chill|raffredd|enfri|冷却|охлажд)")
-_FAN: Final = re.compile(
-    r"(?i:\bfan(s?\b|\d|speed|power|pct)|lüfter|luefter|gebläse|geblaese|ventilat|blower|\b(air|water)? ?flow\b"
-    r"|durchflu|volumenstrom|damper|klappe|coolant|fläkt|风扇|风机|ファン)")
+_FAN: Final = re.compile(r"(?i:\bfan(s?\b|\d|speed|power|pct)|lüfter|luefter|gebläse|geblaese|ventilat|blower"
+                         r"|\b(air|water)? ?flow\b|durchflu|volumenstrom|damper|klappe|coolant|fläkt|风扇|风机|ファン)")
 _ROOM: Final = re.compile(r"(?i:\bambien|\bambian|\broom\b|\broom.?temp|umgebung|\braum(?!f)|室温)")
 _MOST_BLANK: Final = 0.1
 _FEWEST: Final = 0.02  # of the rows, with a level of its own: one wild cell is no level

@@ -11,7 +11,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
-from itertools import chain, pairwise
+from itertools import chain
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -20,7 +20,7 @@ import numpy.typing as npt
 from heatertune.arrays import Array
 from heatertune.errors import LogError
 from heatertune.log.columns import NO_COLUMN, Columns, choose_column, find_columns, seconds, with_dates
-from heatertune.log.on_change import differs, good_rows, is_quality, on_change
+from heatertune.log.on_change import good_rows, is_quality, on_change
 from heatertune.log.quantities import (
     is_number,
     is_quantity,
@@ -90,8 +90,7 @@ def hold_series(at: Array, time: Array, cells: CellColumn, *, is_power: bool) ->
     switched = on_or_off(cells)
     moved = _latest(at, time, cells)
     twice = changes_twice(at, time, cells)
-    means = _means(at, time, cells, switched) if twice or (
-        moved > 0.0 and cells.levels() > _FEW_LEVELS) else None
+    means = _means(at, time, cells, switched) if twice or (moved > 0.0 and cells.levels() > _FEW_LEVELS) else None
     if means is not None:
         changes = "more than once " if twice else ""
         notes.append(f"The power changes {changes}between readings; its mean over each interval was taken.")
@@ -101,18 +100,18 @@ def hold_series(at: Array, time: Array, cells: CellColumn, *, is_power: bool) ->
     return HeldSeries(values, late, notes, held, "%" if switched is not None and means is not None else "")
 
 
-def _changes(time: Array, cells: Sequence[str]) -> Array:
-    return time[1:][[a != b for a, b in pairwise(cells)]]
+def _changes(time: Array, cells: CellColumn) -> Array:
+    return time[1:][cells.differs()[1:]]
 
 
-def _latest(at: Array, time: Array, cells: Sequence[str]) -> float:
+def _latest(at: Array, time: Array, cells: CellColumn) -> float:
     """Return the longest time from a change to the first reading that shows it [s]."""
     changes = _changes(time, cells)
     changes = changes[(changes > at[0]) & (changes <= at[-1])]
     return float(np.max(at[np.searchsorted(at, changes)] - changes, initial=0.0))
 
 
-def changes_twice(at: Array, time: Array, cells: Sequence[str]) -> bool:
+def changes_twice(at: Array, time: Array, cells: CellColumn) -> bool:
     """Return whether a power changes more than once in some of the intervals between the instants `at`.
 
     Args:
@@ -238,8 +237,7 @@ def _with_long_header(sheet: Sheet) -> Sheet:
         return sheet
     names = {clocks[0]: "time", tags[0]: "tag", values[0]: "value"}
     note = "The file has no header; by its cells a table of time, tag and value."
-    return replace(sheet, header=tuple(names.get(i, f"column {i + 1}") for i in some),
-                   repairs=(*sheet.repairs, note))
+    return replace(sheet, header=tuple(names.get(i, f"column {i + 1}") for i in some), repairs=(*sheet.repairs, note))
 
 
 _LEAST_COLUMNS: Final = 3
@@ -377,7 +375,7 @@ def _with_edges(
         return rows, frozenset()
     power = series["power"]
     cells = sheet.columns[value].at_rows(power)
-    changed = power[1:][[a != b for a, b in pairwise(cells)]]
+    changed = power[1:][cells.differs()[1:]]
     within = (time[changed] > time[rows[0]]) & (time[changed] < time[rows[-1]])
     edges = changed[within & ~np.isin(time[changed], time[rows])]
     many = len(edges) > _MOST_EDGES * len(rows) or changes_twice(time[rows], time[power], cells)
@@ -575,7 +573,7 @@ def with_power_rows(sheet: Sheet, powers: Sheet, settings: ReadSettings) -> tupl
     instants, lines, power_lines = at_s.tolist(), sheet.lines.tolist(), [0] * len(sheet)
     powers_of, times = [""] * len(sheet), list[str]()
     first = {instant: k for k, instant in reversed([*enumerate(instants)])}
-    changes = differs(powers.columns[power])
+    changes = powers.columns[power].differs()
     changes[:1] = True
     sampled = np.count_nonzero(changes) < (1.0 - _REPEATS) * len(changes)
     for k in np.flatnonzero(changes).tolist():

@@ -5,17 +5,18 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from datetime import date, datetime, timedelta, timezone
-from itertools import pairwise
+from itertools import islice, pairwise
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
 from heatertune.arrays import Array
 
 __all__ = [
-    "STAMPS", "clocks_in_digits", "duration_s", "has_zone", "is_clock", "is_date", "is_date_in_digits",
-    "is_day_or_month", "is_day_or_year", "is_hours_or_minutes", "month_first", "month_or_day_first", "past_hour",
-    "past_midnight", "stamp", "year_turned",
+    "NO_ORDER", "STAMPS", "clocks_in_digits", "day_first", "duration_s", "has_zone", "is_clock", "is_date",
+    "is_date_in_digits", "is_day_or_month", "is_hours_or_minutes", "month_first", "order_of_dates", "past_hour",
+    "past_midnight", "stamp", "within_hours",
 ]
 
 
@@ -50,8 +51,7 @@ _NAME: Final = r"([^\W\d_]{3,})"
 _DAY_AND_MONTH = re.compile(
     rf"(?:\w{{2,4}}\.?,? )?(\d{{1,2}})\.?[- /]+(?:de )?{_NAME}\.?[-, /]+(?:de )?(\d{{4}}|\d\d)\b[ ,T:]*(.*)")
 _MONTH_AND_DAY = re.compile(rf"(?:\w{{2,9}}\.?,? )?{_NAME}\.? (\d{{1,2}})(?:st|nd|rd|th)?,? (\d{{4}})\b[ ,T]*(.*)")
-_YEAR_LAST = re.compile(
-    rf"(?:\w{{3}} )?{_NAME} +(\d{{1,2}}) (\d\d:\d\d:\d\d(?:\.\d+)?)( [A-Z]{{2,5}})?(?: (\d{{4}}))?")
+_YEAR_LAST = re.compile(rf"(?:\w{{3}} )?{_NAME} +(\d{{1,2}}) (\d\d:\d\d:\d\d(?:\.\d+)?)( [A-Z]{{2,5}})?(?: (\d{{4}}))?")
 _YEAR_UNKNOWN: Final = "2000"  # a leap year, for lines of a system's log
 _THOUSANDTHS = re.compile(r"(:\d\d:\d\d):(\d{1,3})$")
 _PLACE: Final = re.compile(r"\[\w+/[\w/]+\]$")  # [Europe/Berlin] behind an offset
@@ -115,6 +115,42 @@ def _moment(text: str) -> datetime | None:
         return None
     moment = datetime.fromisoformat(text)
     return moment if zone is None else moment.replace(tzinfo=zone)
+
+
+def within_hours(cells: Iterable[str]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
+    """Return minutes and seconds of stamps [µs], and which differ in more than these from the one before, shapes (n,).
+
+    A stamp of another form than the one before differs, too; where the minutes cannot be told by their place, all do.
+    """
+    rest = iter(cells)
+    parts = iter(lambda: list(islice(rest, _AT_ONCE)), [])
+    within_us, differs = zip(*map(_within_hour, parts), strict=True)
+    return np.concatenate(within_us), np.concatenate(differs)
+
+
+def _within_hour(cells: Sequence[str]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
+    place, differs = _MINUTES.search(cells[0]), np.ones(len(cells), dtype=np.bool_)
+    if place is None or max(map(len, cells)) > _LONGEST:
+        return np.zeros(len(cells), dtype=np.int64), differs
+    begin, end = place.span(1)
+    letters = np.array(cells).view(np.uint32).reshape(len(cells), -1).astype(np.int64)
+    low, high, size_us = _DIGITS_WITHIN[:, :end - begin]
+    earliest, latest = (stamp("".join([cells[0][:begin], *map(chr, ends), cells[0][end:]])) for ends in (low, high))
+    if earliest is None or latest is None or latest - earliest != timedelta(microseconds=int((high - low) @ size_us)):
+        return np.zeros(len(cells), dtype=np.int64), differs
+    digits, others = letters[:, begin:end], np.delete(letters, slice(begin, end), axis=1)
+    usual = np.all((low <= digits) & (digits <= high), axis=1)
+    differs[1:] = ~usual[1:] | ~usual[:-1] | np.any(others[1:] != others[:-1], axis=1)
+    return (digits - low) @ size_us, differs
+
+
+#: the least and the greatest character at each place of minutes and seconds, and how long its digit lasts [µs]
+_DIGITS_WITHIN: Final = np.array([
+    [*map(ord, "00:00.000000")], [*map(ord, "59:59.999999")],
+    [600_000_000, 60_000_000, 0, 10_000_000, 1_000_000, 0, *(10**k for k in range(5, -1, -1))]])
+_AT_ONCE: Final = 4096
+_LONGEST: Final = 60  # characters
+_MINUTES: Final = re.compile(r"\d:(\d\d:\d\d(?:\.\d{1,6})?)(?!\d)")
 
 
 def has_zone(cell: str) -> bool:
@@ -230,13 +266,13 @@ def is_day_or_month(cells: Iterable[str]) -> bool:
     return len(dates) > 1 and all(int(first) <= 12 for first in dates.values())
 
 
-def is_day_or_year(cells: Iterable[str]) -> bool:
+def _is_day_or_year(cells: Iterable[str]) -> bool:
     """Return whether the dates may begin with a year of two digits, such as 26/03/14 and 26/03/15."""
     dates = {match.group(): match.group(3) for match in map(_SLASHED.match, cells) if match}
     return len(dates) > 1 and all(len(last) == 2 for last in dates.values())
 
 
-def month_or_day_first(cells: Sequence[str]) -> str:
+def _month_or_day_first(cells: Sequence[str]) -> str:
     """Return "month", "day" or "year" if only with it first dates such as 03/04/2026 follow each other, else "".
 
     Of a log with a row or two for each date, which may be one of a month, nothing is inferred.
@@ -262,9 +298,27 @@ _DAY_BY_DAY: Final = 7  # days
 _MONTH_BY_MONTH: Final = 20
 
 
-def year_turned(cell: str) -> str:
-    """Return a cell with the four digits of the year of its date, 26/03/14, which comes first."""
-    return f"20{cell}" if _SLASHED.match(cell) else cell
+def order_of_dates(cells: Sequence[str]) -> tuple[str, str]:
+    """Return "month", "day" or "year" if dates that may be read otherwise begin with it, else ""; and why."""
+    dates = dict.fromkeys(cell[:11] for cell in cells)  # the characters that `_SLASHED` looks at
+    if month_first(dates):
+        return "month", ""
+    is_open = is_day_or_month(dates)
+    order = _month_or_day_first(cells) if is_open or _is_day_or_year(dates) else ""
+    if order and (is_open or order == "year"):
+        return order, ": so they follow each other day by day"
+    return "", NO_ORDER if is_open else ""
+
+
+#: the reason of `order_of_dates` where day and month may be meant
+NO_ORDER: Final = "?"
+
+
+def day_first(cell: str, order: str) -> str:
+    """Return a cell whose date begins with the month or the year, 26/03/14, with the day first, or the year as 2026."""
+    if order == "month":
+        return month_first((cell,), turn=True) or cell
+    return f"20{cell}" if order == "year" and _SLASHED.match(cell) else cell
 
 
 def month_first(cells: Iterable[str], *, turn: bool = False) -> str:

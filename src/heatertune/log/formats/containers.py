@@ -21,6 +21,7 @@ from typing import Any, Final
 from heatertune.errors import LogError
 from heatertune.log.formats.format_table import BinaryFormat, FormatTable, Line, TextFormat, line_stamp
 from heatertune.log.quantities import role_of
+from heatertune.log.sheet import CellColumn, drain
 from heatertune.units import count
 from heatertune.writing import read_beyond
 
@@ -29,6 +30,7 @@ __all__ = ["CONTAINERS", "WEB_TABLES", "decompress"]
 _GZIP: Final = b"\x1f\x8b"
 _MOST_UNPACKED: Final = 1 << 30
 _SHOWN: Final = 8
+_AT_ONCE: Final = 4096  # rows
 
 
 def decompress(path: Path, data: bytes, repairs: list[str]) -> bytes:
@@ -93,8 +95,8 @@ def _workbook(path: Path, data: bytes, tag: str | None) -> FormatTable:
     numbers = {name: sum(isinstance(cell, int | float) for row in rows for cell in row)
                for name, rows in sheets.items()}
     name = tag if tag in sheets else max(numbers, key=lambda title: numbers[title], default="")
-    rows = [(number, [_cell(cell) for cell in row]) for number, row in enumerate(sheets.get(name, ()), start=1)]
-    kept = [(number, row) for number, row in rows if any(row)]
+    rows = (list(map(_cell, row)) for row in drain(sheets.get(name, [])))
+    kept = [(number, row) for number, row in enumerate(rows, start=1) if any(row)]
     others = [each for each in sheets if each != name]
     passed = f"; other sheets: {', '.join(others[:_SHOWN])} (--tag)" if others else ""
     return FormatTable((), [row for _, row in kept], [number for number, _ in kept],
@@ -112,7 +114,7 @@ def _arrow(path: Path, data: bytes, _: str | None) -> FormatTable:
         stored = library.read_table(io.BytesIO(data))
         columns = [column.cast(timestamp("us", column.type.tz), safe=False) if types.is_timestamp(column.type)
                    else column for column in stored.columns]
-        cells = [column.to_pylist() for column in columns]
+        cells = [_cells_of(_in_parts(column)) for column in columns]
     except (ArrowException, OSError, ValueError, OverflowError) as problem:
         raise LogError("a table that is damaged", file=path, expected="a whole .parquet or .feather file") from problem
     return _of_columns(path, kind, stored.column_names, cells)
@@ -141,16 +143,29 @@ def _matlab(path: Path, data: bytes, tag: str | None) -> FormatTable:
     if longest and (tag == longest or max(matrices[longest].shape) > length):
         matrix = matrices[longest]
         matrix = matrix if len(matrix) >= matrix.shape[1] else matrix.T
-        return _of_columns(path, "MATLAB", (), matrix.T.tolist())._replace(part=str(tag) if tag == longest else "")
-    chosen = {name: value.tolist() for name, value in vectors.items() if len(value) == length}
+        return _of_columns(path, "MATLAB", (), [*map(_cells_of, matrix.T.tolist())])._replace(
+            part=str(tag) if tag == longest else "")
+    chosen = {name: _cells_of(value.tolist()) for name, value in vectors.items() if len(value) == length}
     return _of_columns(path, "MATLAB", tuple(chosen), list(chosen.values()))
 
 
-def _of_columns(path: Path, kind: str, names: Sequence[str], columns: Iterable[Sequence[Any]]) -> FormatTable:
-    rows = [list(map(_cell, row)) for row in zip(*columns, strict=True)]
-    if not rows:
+def _in_parts(column: Any) -> Iterator[Any]:
+    """Yield the values of a column of Arrow; all at once they would take ten times the memory."""
+    for k in range(0, len(column), _AT_ONCE):
+        yield from column.slice(k, _AT_ONCE).to_pylist()
+
+
+def _cells_of(values: Iterable[Any]) -> CellColumn:
+    return CellColumn.of(map(_cell, values))
+
+
+def _of_columns(path: Path, kind: str, names: Sequence[str], columns: Sequence[CellColumn]) -> FormatTable:
+    number = max(map(len, columns), default=0)
+    if not number:
         raise LogError("a table without rows", file=path, expected="columns of time and temperature")
-    return FormatTable(tuple(names), rows, list(range(1, len(rows) + 1)), [f"{kind}: {count(len(rows), 'row')} read."])
+    rows = map(list, zip(*columns, strict=True))
+    return FormatTable(tuple(names), rows if names else [*rows], range(1, number + 1),
+                       [f"{kind}: {count(number, 'row')} read."])
 
 
 CONTAINERS: Final = (

@@ -167,37 +167,32 @@ def _esphome(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
 
 
 #: measurement,tag=…,tag=… field=value,field=value 1741557600000000000
-_KEY: Final = r"(?:[^\s=,\\]|\\.)+"
-_FIELD_VALUE: Final = r"(?:\"(?:[^\"\\]|\\.)*\"|[^\s,\"]+)"
+_KEY: Final = r"(?:[^\s=,\\]++|\\.)++"
+_NAME: Final = r"(?:[^\s,\\]++|\\.)++"
+_FIELD_VALUE: Final = r"(?:\"(?:[^\"\\]++|\\.)*+\"|[^\s,\"]++)"
 _POINT: Final = re.compile(
-    rf"((?:[^\s,\\]|\\.)+(?:,{_KEY}=(?:[^\s,\\]|\\.)+)*) "
-    rf"({_KEY}={_FIELD_VALUE}(?:,{_KEY}={_FIELD_VALUE})*) (\d{{9,19}})\s*")
+    rf"({_NAME}(?:,{_KEY}={_NAME})*) ({_KEY}={_FIELD_VALUE}(?:,{_KEY}={_FIELD_VALUE})*) (\d{{9,19}})\s*")
 _FIELD: Final = re.compile(rf"({_KEY})=({_FIELD_VALUE})")
 
 
 def _line_protocol(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
-    """Return a long table of the fields; where there is one series, a field alone is the tag."""
-    rows, lines, names = list[list[str]](), list[int](), dict[str, str]()
-    for number, series, name, value, instant in _fields_of_points(numbered):
-        names[tag := sys.intern(f"{series} {name}")] = name
-        rows.append([instant, tag, value])
-        lines.append(number)
-    for row in rows if len({tag.removesuffix(name) for tag, name in names.items()}) == 1 else ():
-        row[1] = names[row[1]]
-    points = len(set(lines))
-    repairs = [f"Line protocol of InfluxDB: {count(points, 'point')} read, {len(numbered) - points} other "
-               "lines passed over."]
-    return FormatTable(("time", "tag", "value"), rows, lines, repairs)
-
-
-def _fields_of_points(numbered: Sequence[Line]) -> Iterator[tuple[int, str, str, str, str]]:
-    """Yield line number, series, name, value and instant of each field that is no text."""
+    """Return a long table of the fields that are no text; where there is one series, a field alone is the tag."""
+    instants, tags, values, lines, names = list[str](), list[str](), list[str](), list[int](), dict[str, str]()
     for number, line in numbered:
-        if (found := _POINT.fullmatch(line)) is not None:
-            series, fields, instant = found.groups()
-            for name, value in _FIELD.findall(fields):
-                if not value.startswith('"'):
-                    yield number, series, name, value.rstrip("iu"), instant
+        series, fields, instant = ("", "", "") if (found := _POINT.fullmatch(line)) is None else found.groups()
+        for name, value in _FIELD.findall(fields):
+            if value[0] != '"':
+                names[tag := sys.intern(f"{series} {name}")] = name
+                instants.append(instant)
+                tags.append(tag)
+                values.append(value.rstrip("iu"))
+                lines.append(number)
+    is_single = len({tag.removesuffix(name) for tag, name in names.items()}) == 1
+    points = count(len(set(lines)), "point")
+    others = len(numbered) - len(set(lines))
+    rows = zip(instants, map(names.__getitem__, tags) if is_single else tags, values, strict=True)
+    return FormatTable(("time", "tag", "value"), map(list, rows), lines,
+                       [f"Line protocol of InfluxDB: {points} read, {others} other lines passed over."])
 
 
 def _artisan_csv(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
@@ -295,13 +290,13 @@ def _field_names(records: Sequence[Mapping[str, str]]) -> dict[str, str]:
 def _json_records(numbered: Sequence[Line]) -> tuple[list[dict[str, str]], list[int], int]:
     """Return name → cell of the records, the line of each, and how many lines hold none."""
     records: list[dict[str, str]] = []
-    lines: list[int] = []
+    lines, decode = list[int](), json.JSONDecoder().raw_decode
     for number, line in numbered:
         try:
-            record = json.loads(line.strip().rstrip(","))
+            record, end = decode(text := line.strip().rstrip(","))
         except (ValueError, RecursionError):
             continue
-        if isinstance(record, dict):
+        if isinstance(record, dict) and not text[end:].strip(" \t"):
             records.append(dict(_flat(record)))
             lines.append(number)
     if len(records) > len(numbered) / 2 and len(records) > 1:
@@ -329,7 +324,8 @@ def _flat(record: _Record, prefix: str = "") -> Iterator[tuple[str, str]]:
         if isinstance(value, dict):
             yield from _flat(value, f"{prefix}{name}.")
         elif not isinstance(value, list):
-            yield sys.intern(f"{prefix}{name}"), _JSON_WORDS.get(str(value), str(value))
+            cell = str(value)
+            yield sys.intern(prefix + name), _JSON_WORDS.get(cell, cell)
 
 
 _JSON_WORDS: Final = {"None": "", "True": "true", "False": "false"}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Final, NamedTuple, overload
 
@@ -39,7 +39,11 @@ class NumberedLines(Sequence[Line]):
     def where(self, holds: Callable[[str], bool]) -> NumberedLines:
         """Return the lines whose text fulfils a condition."""
         kept = np.fromiter(map(holds, self.texts), dtype=np.bool_, count=len(self))
-        return self if kept.all() else NumberedLines(self.numbers[kept], self.texts.at_rows(kept))
+        return self if kept.all() else self.at_rows(kept)
+
+    def at_rows(self, places: npt.NDArray[np.bool_]) -> NumberedLines:
+        """Return the lines that a mask of shape (n,) keeps."""
+        return NumberedLines(self.numbers[places], self.texts.at_rows(places))
 
     def __len__(self) -> int:
         return len(self.texts)
@@ -73,8 +77,8 @@ class FormatTable(NamedTuple):
     """
 
     header: tuple[str, ...]
-    rows: list[list[str]]
-    lines: list[int]
+    rows: Iterable[list[str]]
+    lines: Sequence[int]
     repairs: list[str]
     sessions: tuple[int, ...] = ()
     session: int | None = None
@@ -125,5 +129,6 @@ def matching(pattern: re.Pattern[str]) -> Callable[[Sequence[Line]], bool]:
 
 def line_stamp(line: str) -> str:
     """Return the time near the beginning of a line of a log, one with a date before others, or ""."""
-    found = next((match for pattern in LINE_STAMP if (match := pattern.search(line[:_STAMP_WITHIN]))), None)
+    dated, clock = LINE_STAMP
+    found = dated.search(line, 0, _STAMP_WITHIN) or clock.search(line, 0, _STAMP_WITHIN)
     return "" if found is None else found[0].replace(",", ".")

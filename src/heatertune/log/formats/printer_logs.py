@@ -9,9 +9,12 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_right
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
+
+import numpy as np
 
 from heatertune.errors import LogError
 from heatertune.log.formats.format_table import FormatTable, Line, TextFormat, line_stamp, matching
@@ -36,40 +39,36 @@ _MOVED_DEGC: Final = 5.0  # more than the noise of a thermistor or a warming roo
 _PAUSE_S: Final = 30.0  # without statistics: the host was restarted
 
 
-class _StatsReading(NamedTuple):
-    """A reading of one heater in a line of statistics: line number, cells, and as numbers."""
-
-    line: int
-    cells: list[str]
-    time_s: float
-    degC: float
-    pwm: float
-
-
 def _klippy(path: Path, numbered: Sequence[Line], tag: str | None) -> FormatTable:
-    heaters: dict[str, list[_StatsReading]] = {}
+    heaters, lines = dict[str, list[str]](), dict[str, list[int]]()
     for number, line in numbered:
-        found = _STATS.match(line)
-        for name, target, degC, pwm in _HEATER.findall(line[found.end():]) if found is not None else ():
-            cells = [found[1], name, degC, pwm, target] if found is not None else []
-            heaters.setdefault(name, []).append(_StatsReading(number, cells, float(cells[0]), float(degC), float(pwm)))
-    sessions = {name: _sessions(readings) for name, readings in heaters.items()}
-    moved = {name: max(map(_movement, parts)) for name, parts in sessions.items()}
+        if (found := _STATS.match(line)) is not None:
+            for name, target, degC, pwm in _HEATER.findall(line[found.end():]):
+                heaters.setdefault(name, []).extend((found[1], name, degC, pwm, target))
+                lines.setdefault(name, []).append(number)
+    sessions = {name: _sessions(cells) for name, cells in heaters.items()}
+    moved = {name: max(by_degC for by_degC, *_ in parts) for name, parts in sessions.items()}
     wanted, why = _heater_to_read(path, moved, tag)
     parts = sessions[wanted]
-    readings = heaters[wanted]
-    repairs = [f"klippy.log: {count(len(readings), 'line')} Stats of {wanted!r} read{why}, "
-               f"{len(numbered) - len(readings)} others passed over; power is what was sent last before each of them."]
+    repairs = [f"klippy.log: {count(len(lines[wanted]), 'line')} Stats of {wanted!r} read{why}, "
+               f"{len(numbered) - len(lines[wanted])} others passed over; "
+               "power is what was sent last before each of them."]
     others = [name + (f", which moved by {moved[name]:.0f} °C" if moved[name] > _MOVED_DEGC else "")
               for name in heaters if name != wanted]
     if others:
         repairs.append(f"Other heaters in it: {', '.join(others)} (--tag).")
-    header = (_HEADER[0], "name", *_HEADER[1:], "setpoint [degC]")
-    best = max(range(len(parts)), key=lambda k: (_movement(parts[k]), len(parts[k])))
+    begins = tuple(lines[wanted][begin] for *_, begin in parts) if len(parts) > 1 else ()
     return FormatTable(
-        header, [reading.cells for reading in readings], [reading.line for reading in readings], repairs,
-        tuple(part[0].line for part in parts) if len(parts) > 1 else (), best + 1 if len(parts) > 1 else None,
-        part="" if tag else wanted)
+        (_HEADER[0], "name", *_HEADER[1:], "setpoint [degC]"), _rows(heaters[wanted]), lines[wanted], repairs, begins,
+        parts.index(max(parts, key=lambda part: part[:2])) + 1 if begins else None, part="" if tag else wanted)
+
+
+_CELLS: Final = 5  # of a report: time, heater, temperature, power, target
+
+
+def _rows(cells: Sequence[str], begin: int = 0) -> Iterator[list[str]]:
+    """Yield the cells of each report, from one of them on."""
+    return (list(cells[k + begin:k + _CELLS]) for k in range(0, len(cells), _CELLS))
 
 
 def heater_names(numbered: Sequence[Line]) -> list[str]:
@@ -80,22 +79,20 @@ def heater_names(numbered: Sequence[Line]) -> list[str]:
     return [*_reports(numbered)[0]] if matching(_REPORT)(numbered) else []
 
 
-def _sessions(readings: Sequence[_StatsReading]) -> list[list[_StatsReading]]:
-    """Return the readings of each run of the host: its clock begins again, or the statistics pause."""
-    parts: list[list[_StatsReading]] = []
-    for reading in readings:
-        if not parts or not 0.0 <= reading.time_s - parts[-1][-1].time_s <= _PAUSE_S:
-            parts.append([])
-        parts[-1].append(reading)
-    return parts
+def _sessions(cells: Sequence[str]) -> list[tuple[float, int, int]]:
+    """Return movement [°C], number of reports and first report of each run of the host.
+
+    In each, its clock begins again, or the statistics pause.
+    """
+    steps = np.diff([*map(float, cells[::_CELLS])])
+    begins = [0, *(np.flatnonzero((steps < 0.0) | (steps > _PAUSE_S)) + 1).tolist(), len(cells) // _CELLS]
+    return [(_movement(cells[begin * _CELLS:end * _CELLS]), end - begin, begin) for begin, end in pairwise(begins)]
 
 
-def _movement(readings: Sequence[_StatsReading]) -> float:
+def _movement(cells: Sequence[str]) -> float:
     """Return by how much a heater moved under power [°C]; 0 without power: a warming neighbour is no test."""
-    if not any(reading.pwm for reading in readings):
-        return 0.0
-    values = [reading.degC for reading in readings]
-    return max(values) - min(values)
+    values = [*map(float, cells[2::_CELLS])]
+    return max(values) - min(values) if any(map(float, cells[3::_CELLS])) else 0.0
 
 
 def _heater_to_read(path: Path, moved: Mapping[str, float], tag: str | None) -> tuple[str, str]:
@@ -142,43 +139,48 @@ def _kalico_test(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTab
 
 
 #: a report of temperatures, as M105, M155 and M303 make it: T:20.5 /60.0 B:22.1 /0.0 @:64 B@:0
-_REPORT: Final = re.compile(r"(?:^|[\s:])T\d?: ?-?\d+(?:\.\d+)? */-?\d")
-_PART: Final = re.compile(r"(?:^|[\s:])([TBC]\d?): ?(-?\d+(?:\.\d+)?) */ ?(-?\d+(?:\.\d+)?)")
+_BEGINS: Final = r"(?<![^\s:].)"  # behind the first letter, which a search finds faster than what stands before it
+_REPORT: Final = re.compile(rf"T{_BEGINS}\d?: ?-?\d+(?:\.\d+)? */-?\d")
+_PART: Final = re.compile(rf"([TBC]{_BEGINS}\d?): ?(-?\d+(?:\.\d+)?) */ ?(-?\d+(?:\.\d+)?)")
 _SMOOTHIE: Final = re.compile(r"(?:^|[\s:])([TBC]\d?):-?[\d.]+ */ ?-?[\d.]+ @(\d+)")
-_SENT: Final = re.compile(r"(?<!\w)([TBC]?)@(\d?):(-?\d+)")
+_SENT: Final = re.compile(r"@(?:(?<=(?<!\w)([TBC])@)|(?<!\w@))(\d?):(-?\d+)")
 _MARLIN_FULL: Final = 127  # Marlin's soft PWM has seven bits
 _EIGHT_BITS_FULL: Final = 255
 
 
-def _reports(numbered: Sequence[Line]) -> tuple[dict[str, list[tuple[int, list[str]]]], int]:
-    """Return heater → line number and cells of its reports, and the count of full power.
+def _reports(numbered: Sequence[Line]) -> tuple[dict[str, list[str]], dict[str, list[int]], int]:
+    """Return heater → stamp, name, °C, power and target of its reports in turn; their lines; the count of full power.
 
     Marlin reports 0…127 with the hot end's @ before the bed's, Repetier 0…255 with the bed's first, Smoothieware 0…255
     behind each heater.
     """
-    heaters: dict[str, list[tuple[int, list[str]]]] = {}
+    heaters, lines = dict[str, list[str]](), dict[str, list[int]]()
+    counts: dict[tuple[tuple[str, str, str], ...], dict[str, int]] = {}  # a log has few
     full = _MARLIN_FULL
     for number, line in numbered:
         if _REPORT.search(line) is None:
             continue
-        sent = {letter + digit: int(value) for letter, digit, value in _SENT.findall(line)}
-        behind = {} if sent else {name: int(value) for name, value in _SMOOTHIE.findall(line)}
-        if behind or [*sent][:2] == ["B", ""] or max(sent.values(), default=0) > _MARLIN_FULL:
+        if (sent := counts.get(found := (*_SENT.findall(line),))) is None:
+            sent = counts[found] = {letter + digit: int(value) for letter, digit, value in found}
+            if [*sent][:2] == ["B", ""] or max(sent.values(), default=0) > _MARLIN_FULL:
+                full = _EIGHT_BITS_FULL
+        if not sent and (sent := {name: int(value) for name, value in _SMOOTHIE.findall(line)}):
             full = _EIGHT_BITS_FULL
-        sent, stamp = sent or behind, line_stamp(line)
+        stamp = line_stamp(line)
         for name, degC, target in _PART.findall(line):
             power = sent.get(name, sent.get(name[1:], sent.get("") if name in ("T", "T0") else None))
             if power is not None:
-                heaters.setdefault(name, []).append((number, [stamp, name, degC, str(power), target]))
+                heaters.setdefault(name, []).extend((stamp, name, degC, str(power), target))
+                lines.setdefault(name, []).append(number)
     if "T0" in heaters:
         heaters.pop("T", None)  # the same hot end twice
-    return heaters, full
+    return heaters, lines, full
 
 
 def _serial(path: Path, numbered: Sequence[Line], tag: str | None) -> FormatTable:
     """Return the reports of one heater: T, T0, T1 …, B; the power is the number behind its @."""
-    heaters, full = _reports(numbered)
-    moved = {name: _reported_movement(rows) for name, rows in heaters.items()}
+    heaters, lines, full = _reports(numbered)
+    moved = {name: _movement(cells) for name, cells in heaters.items()}
     if not moved:
         raise LogError("the lines report temperatures without the power behind @", file=path,
                        expected="reports such as T:20.5 /60.0 @:64, which M105 and M155 make")
@@ -188,19 +190,15 @@ def _serial(path: Path, numbered: Sequence[Line], tag: str | None) -> FormatTabl
         raise LogError(problem, file=path, value=", ".join(moved) if tag is None else tag,
                        expected=f"--tag and one of {', '.join((hot if tag is None else []) or moved)}")
     wanted = tag or (hot or [*moved])[0]
-    rows = heaters[wanted]
-    stamps = all(cells[0] for _, cells in rows)
+    cells = heaters[wanted]
+    begin = 0 if all(cells[::_CELLS]) else 1  # without stamps
     names = ", ".join(name for name in heaters if name != wanted)
     others = f"; other heaters: {names} (--tag)" if names else ""
+    header = ("time", "name", "temperature [degC]", f"power [0...{full}]", "setpoint [degC]")
     return FormatTable(
-        (*(("time",) if stamps else ()), "name", "temperature [degC]", f"power [0...{full}]", "setpoint [degC]"),
-        [cells if stamps else cells[1:] for _, cells in rows], [number for number, _ in rows],
-        [f"Reports of a printer: {count(len(rows), 'line')} of {wanted!r} read, its power as 0 to {full}{others}."])
-
-
-def _reported_movement(rows: Sequence[tuple[int, list[str]]]) -> float:
-    values = [float(cells[2]) for _, cells in rows]
-    return max(values) - min(values) if any(cells[3] != "0" for _, cells in rows) else 0.0
+        header[begin:], _rows(cells, begin), lines[wanted],
+        [f"Reports of a printer: {count(len(lines[wanted]), 'line')} of {wanted!r} read, "
+         f"its power as 0 to {full}{others}."])
 
 
 def _first_line(pattern: re.Pattern[str], lines: Sequence[Line]) -> bool:
