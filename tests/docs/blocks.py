@@ -26,7 +26,7 @@ from heatertune.plc import TARGETS
 DOCS = Path(__file__).parents[2] / "docs"
 #: in the order of the navigation: a reader's order
 PAGES = (
-    "index.md", "tutorial.md", "tutorial_plant.md", "tutorial_extruder.md", "howto/overview.md", "howto/your_log.md", "howto/your_export.md", "howto/your_specification.md", "howto/your_plc.md",
+    "index.md", "tutorial.md", "tutorial_plant.md", "tutorial_extruder.md", "howto/overview.md", "howto/tasks.md", "howto/your_log.md", "howto/your_export.md", "howto/your_specification.md", "howto/your_plc.md",
     "howto/your_disturbance.md", "howto/zones.md", "howto/supervision.md", "howto/studio.md", "howto/live.md", "howto/write.md", "howto/many.md",
     "howto/health.md",
     "howto/your_controller.md",

@@ -7,6 +7,7 @@ import sys
 from html.parser import HTMLParser
 
 import pytest
+from tests.bench.tasks import PAGE, row, tasks
 from tests.conftest import ROOT
 from tests.docs.blocks import DOCS, INSTALL, OVERVIEW, PAGES, blocks, differences, run
 from tests.docs.pictures import PICTURES, events, said
@@ -21,7 +22,7 @@ from heatertune.units import TERMS
 
 RUNNING = [page for page in PAGES if page != OVERVIEW and blocks((DOCS / page).read_text(encoding="utf-8"))]
 #: these need the fit of the paper's log, so they run in one process, which keeps it
-PAPER = ("tutorial.md", "explain/no_power.md")
+PAPER = ("tutorial.md", "explain/no_power.md", "howto/tasks.md")
 
 
 @pytest.fixture
@@ -96,12 +97,21 @@ def test_every_figure_in_the_text_stands_in_a_block_or_names_its_source(page):
     text = (DOCS / page).read_text(encoding="utf-8")
     known = set(FIGURE.findall("\n".join(re.findall(r"^```.*?^```$", text, re.MULTILINE | re.DOTALL))))
     prose = re.sub(r"^```.*?^```$|`[^`\n]*`", "", text, flags=re.MULTILINE | re.DOTALL)
-    if page in ("sources.md", "reference/speed.md", "reference/install_size.md"):
+    if page in ("sources.md", "reference/speed.md", "reference/install_size.md", "howto/tasks.md"):
         return  # sources themselves: the others name the command that measures each row
     for part in re.split(r"\n\s*\n|\n(?=- |\| |\d\. )", prose):
         if "sources.md" not in part:
             missing = [each for each in FIGURE.findall(part) if each not in known]
             assert not missing, (page, missing, part)
+
+
+def test_steps_and_keys_of_the_ten_tasks_are_those_of_their_commands_cells_and_clicks():
+    text = PAGE.read_text(encoding="utf-8")
+    found = tasks(text)
+    assert [task.number for task in found] == list(range(1, 11))
+    for task in found:
+        rows = [line for line in text.splitlines() if line.startswith(row(task, "").removesuffix(" |"))]
+        assert len(rows) == 1, row(task, "…")
 
 
 class _Links(HTMLParser):
