@@ -278,15 +278,24 @@ def _fit(log: ZoneLog, structure: str | None) -> FittedNetwork:
     if structure is None and count > _FREE_UP_TO:
         fitted = problem.with_further_couplings(fitted)
     wider = problem.with_second_lags(fitted)
+    result = _result_or_error(log, problem, wider)
+    if _is_unexplained(result):
+        result = _with_shared_supply(log, whole, fitted, wider) or result
+    if isinstance(result, InputError):
+        raise result
+    return result
+
+
+def _result_or_error(log: ZoneLog, problem: NetworkProblem, fit: NetworkFit) -> FittedNetwork | InputError:
     try:
-        result = _result(log, problem, wider)
-    except InputError:
-        shared = _with_shared_supply(log, whole, fitted, wider)
-        if shared is None:
-            raise
-        return shared
-    is_explained = not any(finding.name in ("poor-fit", "contradicted") for finding in result.findings)
-    return result if is_explained else _with_shared_supply(log, whole, fitted, wider) or result
+        return _result(log, problem, fit)
+    except InputError as error:
+        return error
+
+
+def _is_unexplained(result: FittedNetwork | InputError) -> bool:
+    return isinstance(result, InputError) or any(
+        finding.name in ("poor-fit", "contradicted") for finding in result.findings)
 
 
 def _with_shared_supply(
@@ -305,11 +314,8 @@ def _with_shared_supply(
     supply = fit_supply(problem, fit)
     if not supply.explains_more(best):
         return None
-    try:
-        result = _result(log, supply.problem, supply.fit)
-    except InputError:
-        return None
-    if any(finding.name == "poor-fit" for finding in result.findings):
+    result = _result_or_error(log, supply.problem, supply.fit)
+    if isinstance(result, InputError) or any(finding.name == "poor-fit" for finding in result.findings):
         return None
     return replace(result, findings=(*supply.findings(log.zones), *result.findings))
 
