@@ -137,7 +137,7 @@ class NetworkProblem:
                    longest_s=float(np.ptp(time_s)) / 4.0, interval_s=interval_s, spans_s=spans_s)
 
     def start(self, layout: ParameterLayout) -> Array:
-        """Return parameters by linear least squares on the integrated heat balance, the best of several dead times."""
+        """Return parameters, shape (p,), by least squares on the integrated heat balance, of several dead times."""
         own = np.empty((layout.size, 5))
         couplings = []
         for zone in range(layout.size):
@@ -207,7 +207,7 @@ class NetworkProblem:
         return simulate_many([layout.case(each) for each in values], self.time_s, self.courses)
 
     def fit(self, layout: ParameterLayout, start: Array) -> NetworkFit:
-        """Return the least-squares fit of all zones by Levenberg and Marquardt's method, weighted by their noise."""
+        """Return the least-squares fit by Levenberg and Marquardt's method, from parameters of shape (p,)."""
         values, damping = start, 1e-3
         residuals = self.readings - self.simulate(layout, [values])[0]
         for _ in range(_MOST_STEPS):
@@ -231,7 +231,7 @@ class NetworkProblem:
         return NetworkFit(layout, values, residuals, self.jacobian(layout, values))
 
     def within_limits(self, layout: ParameterLayout, values: Array, step: Array) -> Array:
-        """Return parameters a step further, as far as one step may go."""
+        """Return parameters a step further, both of shape (p,), as far as one step may go."""
         return self._allowed(layout, values + np.clip(step, -self._most(layout), self._most(layout)))
 
     def _most(self, layout: ParameterLayout) -> Array:
@@ -258,7 +258,7 @@ class NetworkProblem:
         return np.asarray(np.moveaxis((found[1:] - found[0]) / size[:, None, None], 0, 2))
 
     def covariance(self, fit: NetworkFit) -> Array:
-        """Return the covariance of the parameters: of noise with its autocorrelation, and of when the power changed."""
+        """Return the covariance of the parameters, shape (p, p): of correlated noise, and of when the power changed."""
         freedom = len(fit.residuals) - len(fit.values) / fit.layout.size
         variance = np.sum(fit.residuals**2, axis=0) / freedom
         inflated = variance * np.array([variance_inflation(each) for each in fit.residuals.T])
@@ -371,7 +371,7 @@ def explanation_gain(fit: NetworkFit, wider: NetworkFit) -> float:
 
 
 def variance_inflation(residuals: Array) -> float:
-    """Return by how much the autocorrelation of residuals raises the variance of what is fitted."""
+    """Return by how much the autocorrelation of residuals, shape (N,), raises the variance of what is fitted."""
     centred = residuals - residuals.mean()
     rho = float(centred[1:] @ centred[:-1] / max(float(centred @ centred), 1e-30))
     rho = min(max(rho, 0.0), 0.98)
