@@ -25,6 +25,7 @@ from heatertune.zones.zones_folder import to_document
 __all__ = ["run"]
 
 #: options of a design of one heater that zones do not have
+_FITTED: Final = ("from_s", "until_s")
 _TUNED: Final = ("structure", "sample_time_s")
 _PROVEN: Final = ("setpoint_degC", "pwm_period_s", "minimum_on_s", "minimum_off_s", "pwm_rule", "pwm_resolution_s",
                   "spec", "limit", "tolerance_degC", "accept", "switches")
@@ -48,7 +49,8 @@ def run(settings: argparse.Namespace) -> int:
     hottest = [log.temperatures_degC, *([] if log.setpoints_degC is None else [log.setpoints_degC])]
     request = with_printer_range(request, float(np.max(hottest)))
     progress("fitting the network of all zones")
-    fitted = fit_network(log, structure=settings.neighbours)
+    part = options.of(FitSettings, settings)
+    fitted = fit_network(log, structure=settings.neighbours, from_s=part.from_s, until_s=part.until_s)
     progress("tuning and proving all zones together")
     proof = design_zones(
         fitted, request.target, scaling=request.scaling, structure=request.tune_settings.structure,
@@ -67,7 +69,7 @@ def _refuse_others(settings: argparse.Namespace, request: Any) -> None:
     kinds = ((type(request.tune_settings), request.tune_settings, _TUNED),
              (type(request.conditions), request.conditions, _PROVEN),
              (WordSettings, options.of(WordSettings, settings), ()),
-             (FitSettings, options.of(FitSettings, settings), ()),
+             (FitSettings, options.of(FitSettings, settings), _FITTED),
              (SampleSettings, options.of(SampleSettings, settings), ()))
     for kind, values, followed in kinds:
         for name, option in options.options_of(kind).items():

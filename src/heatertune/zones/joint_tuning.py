@@ -10,7 +10,7 @@ alone with the others off.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -31,7 +31,7 @@ from heatertune.zones.identify import FittedNetwork
 from heatertune.zones.network import ThermalNetwork
 
 __all__ = ["JOINT_MS", "JointDesign", "JointTuner", "closed_loop_radius", "joint_sensitivity", "sensitivity_alone",
-           "zone_model"]
+           "zone_model", "zone_sensitivity"]
 
 Complex = npt.NDArray[np.complex128]
 
@@ -41,6 +41,7 @@ JOINT_MS: Final = 2.0
 _ALONE_MS: Final = 1.6
 #: Ms that each zone is tuned for, in turn; the first serves zones that exchange much heat
 _LADDER: Final = (1.8, 1.6, 1.5, 1.4, 1.32, 1.25, 1.2, 1.15, 1.1)
+_CLEARLY: Final = 1.05  # times a limit of Ms: more than rounding to words lowers it
 _DRAWN: Final = 12
 _FREQUENCIES: Final = 300
 
@@ -136,12 +137,32 @@ class JointTuner:
         self.settings: Final = settings
         self._tuned: dict[tuple[int, float], Words] = {}
 
-    def designs(self) -> Iterator[JointDesign]:
-        """Yield robust designs, the fastest first; each is detuned further than the one before; errors as the class."""
+    def designs(self, is_broken: Callable[[Words], bool] = lambda _: False) -> Iterator[JointDesign | float]:
+        """Yield robust designs, the fastest first, each detuned further than the one before; errors as the class.
+
+        A zone whose words cannot serve, whatever those of the others are, spares the tuning of the others: then the Ms
+        that the zones would be tuned for comes instead of a design.
+
+        Args:
+            is_broken: whether the words of a zone break the specification by themselves.
+        """
         for ms in _LADDER:
+            if self._is_fragile(ms):
+                continue
+            if any(is_broken(self._words(zone, ms)) for zone in range(len(self.models))):
+                yield ms
+                continue
             design = self.design_for((ms,) * len(self.models))
             if design.is_robust:
                 yield design
+
+    def _is_fragile(self, ms: float) -> bool:
+        """Return whether a zone tuned for an Ms beyond that of one heater is clearly not robust while alone."""
+        if ms <= _ALONE_MS:
+            return False
+        delay = controller_for(self.target).delayed_s(self.scaling or Scaling())
+        return any(zone_sensitivity(network, self._tuned_for(zone, ms), zone, delay) > _CLEARLY * _ALONE_MS
+                   for zone in range(len(self.models)) for network in self.networks)
 
     def slower(self, design: JointDesign, zone: int) -> JointDesign | None:
         """Return a design with one zone detuned further, None where that is not robust or no slower one is left."""
@@ -151,10 +172,12 @@ class JointTuner:
         slower = self.design_for((*design.ms_zones[:zone], _LADDER[rung], *design.ms_zones[zone + 1:]))
         return slower if slower.is_robust else None
 
+    def _tuned_for(self, zone: int, ms: float) -> PidDesign:
+        return tune(self.models[zone], replace(self.settings, ms=ms), target=self.target, scaling=self.scaling)
+
     def _words(self, zone: int, ms: float) -> Words:
         if (zone, ms) not in self._tuned:
-            model = self.models[zone]
-            design = tune(model, replace(self.settings, ms=ms), target=self.target, scaling=self.scaling)
+            model, design = self.models[zone], self._tuned_for(zone, ms)
             self._tuned[zone, ms] = choose_words(design, self.target, model, scaling=self.scaling).words
         return self._tuned[zone, ms]
 
@@ -196,6 +219,19 @@ def sensitivity_alone(network: ThermalNetwork, designs: Sequence[PidDesign], del
     plant, control = _responses(network, designs, delay_s)
     own = np.diagonal(plant, axis1=1, axis2=2) * control
     return float(np.max(1.0 / np.abs(1.0 + own)))
+
+
+def zone_sensitivity(network: ThermalNetwork, design: PidDesign, zone: int, delay_s: float = 0.0) -> float:
+    """Return the largest sensitivity of a zone while the others are off or in manual.
+
+    Args:
+        network: the heaters.
+        design: of the zone.
+        zone: its number.
+        delay_s: of the controller's input and output [s].
+    """
+    plant, control = _responses(network, [design], delay_s)
+    return float(np.max(1.0 / np.abs(1.0 + plant[:, zone, zone] * control[:, 0])))
 
 
 def _responses(network: ThermalNetwork, designs: Sequence[PidDesign], delay_s: float) -> tuple[Complex, Complex]:

@@ -67,6 +67,7 @@ class Modes(NamedTuple):
         constant: of the ambient, shape (m,).
         inverse: from states to modes, shape (m, m); the states are the zones' temperatures and their elements' power.
         elements: zones that have a heating element with a lag of its own.
+        element_lags_s: of these [s].
     """
 
     rates: Complex
@@ -75,6 +76,7 @@ class Modes(NamedTuple):
     constant: Complex
     inverse: Complex
     elements: tuple[int, ...]
+    element_lags_s: tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=False, kw_only=True, eq=False)
@@ -229,7 +231,8 @@ def modes_of(gains: Array, lags_s: Array, ambients_degC: Array, exchange: Array,
     inverse = np.linalg.inv(vectors)
     return Modes(rates.astype(np.complex128), vectors[:n].astype(np.complex128),
                  (inverse @ powers).astype(np.complex128), (inverse @ constant).astype(np.complex128),
-                 inverse.astype(np.complex128), tuple(map(int, elements)))
+                 inverse.astype(np.complex128), tuple(map(int, elements)),
+                 tuple(map(float, second_s[elements])))
 
 
 class ZonePower(NamedTuple):
@@ -244,6 +247,11 @@ class ZonePower(NamedTuple):
         """Return the course of a power that each row holds up to the next; both of shape (N,)."""
         changed = np.flatnonzero(np.diff(power_pct)) + 1
         return cls(float(power_pct[0]), time_s[changed], np.diff(power_pct)[changed - 1])
+
+    def behind_lag_pct(self, instant_s: float, dead_s: float, lag_s: float) -> float:
+        """Return the power behind a dead time and a lag at an instant, settled before the first change [%]."""
+        since = np.maximum(instant_s - dead_s - self.instants_s, 0.0)
+        return self.first_pct - float(self.changes_pct @ np.expm1(-since / lag_s))
 
 
 def simulate_network(
@@ -270,7 +278,8 @@ def simulate_many(
     Args:
         cases: modes, dead times of the zones [s] and temperatures at the first instant [°C], of each network.
         time_s: instants, increasing [s].
-        courses: power of each zone; before the first instant it was the first power, and elements have settled to it.
+        courses: power of each zone, which may begin before the first instant; before its first change it was the first
+            power, and elements had settled to it.
     """
     span, size = np.diff(time_s), len(cases[0][0].rates)
     decay = np.empty((len(span), len(cases), size), dtype=np.complex128)
@@ -284,7 +293,8 @@ def simulate_many(
         for zone, course in enumerate(courses):
             added += _heat_of(course, dead_times_s[zone], time_s, growth, modes.rates) * modes.inputs[:, zone]
         heat[:, case] = added
-        first = [*start_degC, *(courses[zone].first_pct for zone in modes.elements)]
+        first = [*start_degC, *(courses[zone].behind_lag_pct(time_s[0], dead_times_s[zone], lag_s)
+                                for zone, lag_s in zip(modes.elements, modes.element_lags_s, strict=True))]
         states[0, case] = modes.inverse @ np.array(first)
     for row in range(len(span)):
         states[row + 1] = decay[row] * states[row] + heat[row]

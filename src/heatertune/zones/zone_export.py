@@ -93,7 +93,8 @@ def demand_program(target: str, zones: int, *, staggered: bool) -> None:
         raise InputError(f"the program of {target} begins the PWM periods of all zones at once: leave out --peak-power "
                          "and --stagger, or take --target s7-300")
     if target in _PROGRAMS and zones > _MOST:
-        raise InputError(f"{zones} zones: a program has outputs for {_MOST}; make two groups that do not touch")
+        raise InputError(f"{zones} zones: a program of {target} has outputs for {_MOST}; make two groups that do not "
+                         "touch, or take a target with files of its own for each zone (heatertune targets)")
 
 
 def _s5(zones: Sequence[str], parts: Sequence[Mapping[str, str | bytes]], _proof: JointProof) -> dict[str, str | bytes]:

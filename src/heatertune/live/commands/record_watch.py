@@ -333,9 +333,12 @@ def _run_watch(settings: argparse.Namespace) -> int:
 
 def _watch_zones(settings: argparse.Namespace, address: Address) -> int:
     """Run the command for zones; return its exit status."""
-    for name in ("refit", "monitor"):
-        if getattr(settings, name):
-            raise InputError(f"--{name}: not for zones; leave it out")
+    if settings.refit:
+        raise InputError("--refit: not for zones; leave it out, and design the recorded log again with the command "
+                         "that the last line of watch names")
+    if settings.monitor:
+        raise InputError("--monitor: not for zones, whose watch has no monitor of each heater; leave it out: it "
+                         "reports swings, fast rises, frozen sensors and another power at rest without one")
     return int(import_module("heatertune.live.commands.zone_commands").watch(settings, address))
 
 

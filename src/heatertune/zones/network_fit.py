@@ -1,0 +1,383 @@
+"""The fit of a thermal network to the readings of all zones at once, with the network's exact solution (output error).
+
+A linear least-squares fit of the integrated heat balance, zone by zone, gives the start. The intervals take the
+autocorrelation of each zone's residuals into account, and the instants of the changes of power between two rows.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from operator import attrgetter
+from typing import Final, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from heatertune.arrays import Array
+from heatertune.log.log_values import ABSOLUTE_ZERO_DEGC
+from heatertune.zones.network import Modes, ThermalNetwork, ZonePower, modes_of, neighbours, simulate_many
+
+__all__ = ["NetworkFit", "NetworkProblem", "ParameterLayout", "explanation_gain", "most_below", "variance_inflation"]
+
+_ROWS: Final = 1200  # readings used of each zone
+_DEAD_TIMES: Final = 25  # tried for the start of the fit
+_NORMAL: Final = 1.96
+_SIGNIFICANT: Final = 25.0  # points that a coupling beyond the structure has to gain: five standard errors
+_BIC: Final = 10.0  # points that a second lag of each zone has to gain, for each parameter
+_WHITE: Final = 1.25  # inflation below which residuals leave nothing to explain
+_MOST_STEPS: Final = 40
+_CHANGES: Final = 60  # of a zone's power, the largest, whose instants are fitted
+_ROUNDS: Final = 3  # of that fit
+_BELOW: Final = 0.4  # exchange below 0 that a fit may try, of all neighbours of a zone
+_LEAST_SHOWN: Final = 1e-14  # of a direction of the parameters, relative to what the log shows of each
+_KNOWN: Final = 10.0  # ratio of an end of a lag's interval to the lag, beyond which the log does not show it
+_OTHERS: Final = 0.25  # of the squares that no power, or the own one, leaves: less shows what heats or cools a zone
+_MOVED: Final = 0.05  # of the squares of a zone's temperatures: more is left without the power that moves it
+
+
+class ParameterLayout(NamedTuple):
+    """Places of the parameters: of each zone log K, log T, L, a, the first temperature, with a second lag its log; c.
+
+    Attributes:
+        size: number of zones.
+        pairs: (zone, neighbour) of each coupling.
+        second: whether each zone has a second lag.
+    """
+
+    size: int
+    pairs: tuple[tuple[int, int], ...]
+    second: bool
+
+    @property
+    def per_zone(self) -> int:
+        """Parameters of a zone besides couplings."""
+        return 6 if self.second else 5
+
+    def parts(self, values: Array) -> tuple[Array, Array]:
+        """Return the parameters by zone, shape (n, 5 or 6), and the matrix of the couplings, shape (n, n)."""
+        own = values[: self.size * self.per_zone].reshape(self.size, self.per_zone)
+        exchange = np.zeros((self.size, self.size))
+        for (zone, other), value in zip(self.pairs, values[self.size * self.per_zone:], strict=True):
+            exchange[zone, other] = value
+        return own, exchange
+
+    def case(self, values: Array) -> tuple[Modes, Array, Array]:
+        """Return what `simulate_many` takes, of parameters of shape (p,)."""
+        own, exchange = self.parts(values)
+        second = np.exp(own[:, 5]) if self.second else np.zeros(self.size)
+        modes = modes_of(np.exp(own[:, 0]), np.exp(own[:, 1]), own[:, 3], exchange, second)
+        return modes, own[:, 2], own[:, 4]
+
+    def network(self, zones: tuple[str, ...], values: Array) -> ThermalNetwork:
+        """Return the network of parameters of shape (p,); no coupling or dead time is below 0, no ambient below 0 K."""
+        own, exchange = self.parts(values)
+        return ThermalNetwork(
+            zones=zones, gains_degC_per_pct=tuple(np.exp(own[:, 0])), time_constants_s=tuple(np.exp(own[:, 1])),
+            dead_times_s=tuple(np.maximum(own[:, 2], 0.0)),
+            ambients_degC=tuple(np.maximum(own[:, 3], ABSOLUTE_ZERO_DEGC)),
+            exchange=np.maximum(exchange, 0.0),
+            second_time_constants_s=tuple(np.exp(own[:, 5])) if self.second else ())
+
+
+class NetworkFit(NamedTuple):
+    """A network fitted to readings.
+
+    Attributes:
+        layout: of the parameters.
+        values: the parameters, shape (p,).
+        residuals: readings less the temperatures of the network, shape (N, n) [°C].
+        jacobian: derivatives of the temperatures by each parameter, shape (N, n, p).
+    """
+
+    layout: ParameterLayout
+    values: Array
+    residuals: Array
+    jacobian: Array
+
+
+class _HeatBalance(NamedTuple):
+    squares: float  # [°C²], summed
+    solution: Array  # of elapsed time, own temperature, power, one, and the temperatures of others less the own
+    dead_s: float
+
+    @property
+    def of_power(self) -> float:
+        """By how much the power heats [°C/s per %]."""
+        return float(self.solution[2])
+
+    @property
+    def is_heater(self) -> bool:
+        """Whether the zone loses heat and its power heats it."""
+        return bool(self.solution[1] < 0.0 < self.solution[2])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NetworkProblem:
+    """Readings of the log, thinned, and the power of each zone as logged."""
+
+    time_s: Array
+    readings: Array
+    courses: Sequence[ZonePower]
+    longest_s: float
+    interval_s: float  # between rows of the log
+    spans_s: Sequence[Array]  # before each change of a zone's power: within it, nobody knows when it changed
+
+    @classmethod
+    def from_readings(
+        cls, time_s: Array, readings: Array, courses: Sequence[ZonePower], interval_s: float
+    ) -> NetworkProblem:
+        """Return the problem of readings of shape (N, n) at the instants, thinned, `interval_s` apart [°C, s]."""
+        keep = slice(None, None, math.ceil(len(time_s) / _ROWS))
+        before = [time_s[np.maximum(np.searchsorted(time_s, course.instants_s) - 1, 0)] for course in courses]
+        spans_s = [np.maximum(course.instants_s - row, interval_s) for course, row in zip(courses, before, strict=True)]
+        return cls(time_s=time_s[keep], readings=readings[keep], courses=courses,
+                   longest_s=float(np.ptp(time_s)) / 4.0, interval_s=interval_s, spans_s=spans_s)
+
+    def start(self, layout: ParameterLayout) -> Array:
+        """Return parameters, shape (p,), by least squares on the integrated heat balance, of several dead times."""
+        own = np.empty((layout.size, 5))
+        couplings = []
+        for zone in range(layout.size):
+            others = [other for first, other in layout.pairs if first == zone]
+            tried = (balance for balance in self._balances(zone, zone, others) if balance.is_heater)
+            own[zone], found = self._from_balance(
+                zone, min(tried, key=attrgetter("squares"), default=None), len(others))
+            couplings += found
+        return np.concatenate([own.ravel(), couplings])
+
+    def _balances(self, zone: int, power: int | None, others: Sequence[int]) -> Iterator[_HeatBalance]:
+        """Yield a zone's integrated heat balance with the power of a zone, or none, at several dead times."""
+        steps = np.diff(self.time_s)
+        integral = np.vstack([np.zeros(len(self.courses)), np.cumsum(
+            0.5 * (self.readings[1:] + self.readings[:-1]) * steps[:, None], axis=0)])
+        elapsed = self.time_s - self.time_s[0]
+        for dead in (0.0, *np.geomspace(0.5 * float(np.median(steps)), self.longest_s, _DEAD_TIMES)):
+            exchanged: list[Array] = [integral[:, other] - integral[:, zone] for other in others]
+            energy = 0.0 * elapsed if power is None else self._energy(power, float(dead))
+            columns = np.column_stack([elapsed, integral[:, zone], energy, np.ones(len(elapsed)), *exchanged])
+            scale = np.abs(columns).max(axis=0) + 1e-30
+            solution, *_ = np.linalg.lstsq(columns / scale, self.readings[:, zone], rcond=None)
+            yield _HeatBalance(float(np.sum((columns @ (solution / scale) - self.readings[:, zone]) ** 2)),
+                               solution / scale, float(dead))
+
+    def misread_powers(self, zones: Sequence[str]) -> Iterator[str]:
+        """Yield which zones another zone's power heats, or their own power cools, as the heat balance of each shows."""
+        for zone, name in enumerate(zones):
+            best = self._shown_balances(zone)
+            if not best:
+                continue
+            power = min(range(len(zones)), key=lambda number: best[number].squares)
+            if power == zone and best[zone].of_power < 0.0:
+                yield (f"the power of zone {name!r} cools it, and zones are heaters: log it while the others rest, and "
+                       "design it by itself with --cooler")
+            elif best[power].is_heater and best[power].squares < _OTHERS * best[zone].squares:
+                yield (f"zone {name!r} follows the power of zone {zones[power]!r}, not its own: name the columns of "
+                       "its temperature and power alike")
+
+    def _shown_balances(self, zone: int) -> list[_HeatBalance]:
+        """Return a zone's best heat balance with the power of each zone; empty if no power shows in it."""
+        powers, readings = range(len(self.courses)), self.readings[:, zone]
+        others = [other for other in powers if other != zone]
+        best = [min(self._balances(zone, power, others), key=attrgetter("squares")) for power in powers]
+        idle = next(self._balances(zone, None, others)).squares
+        is_moved = idle >= _MOVED * float(np.sum((readings - readings.mean()) ** 2))
+        return best if is_moved and min(each.squares for each in best) <= _OTHERS * idle else []
+
+    def _from_balance(self, zone: int, best: _HeatBalance | None, others: int) -> tuple[Array, list[float]]:
+        if best is None:  # far from a heater: a start all the same
+            lag = float(np.ptp(self.time_s)) / 10.0
+            return np.array([math.log(0.5), math.log(lag), 0.0, self.readings[0, zone], self.readings[0, zone]]), [
+                0.1] * others
+        solution, dead = best.solution, best.dead_s
+        lag = -1.0 / solution[1]
+        return (np.array([math.log(solution[2] * lag), math.log(lag), dead, solution[0] * lag, self.readings[0, zone]]),
+                [max(float(value) * lag, 0.01) for value in solution[4:]])
+
+    def _energy(self, zone: int, dead_s: float) -> Array:
+        """Return the integral of the delayed power [%·s]."""
+        course = self.courses[zone]
+        since = np.maximum(self.time_s[:, None] - course.instants_s - dead_s, 0.0)
+        return np.asarray(course.first_pct * (self.time_s - self.time_s[0]) + since @ course.changes_pct)
+
+    def simulate(self, layout: ParameterLayout, values: Sequence[Array]) -> Array:
+        """Return the temperatures of networks of several parameters, shape (len(values), N, n) [°C]."""
+        return simulate_many([layout.case(each) for each in values], self.time_s, self.courses)
+
+    def fit(self, layout: ParameterLayout, start: Array) -> NetworkFit:
+        """Return the least-squares fit by Levenberg and Marquardt's method, from parameters of shape (p,)."""
+        values, damping = start, 1e-3
+        residuals = self.readings - self.simulate(layout, [values])[0]
+        for _ in range(_MOST_STEPS):
+            weights = 1.0 / np.maximum(residuals.std(axis=0), 1e-6)
+            jacobian = self.jacobian(layout, values)
+            weighted = (jacobian * weights[:, None]).reshape(-1, len(values))
+            target = (residuals * weights).ravel()
+            cost, moved = float(target @ target), False
+            normal, slope = weighted.T @ weighted, weighted.T @ target
+            for _ in range(8):
+                step = np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), slope)
+                tried = self.within_limits(layout, values, step)
+                errors = self.readings - self.simulate(layout, [tried])[0]
+                if np.all(np.isfinite(errors)) and float(np.sum((errors * weights) ** 2)) < cost:
+                    gained = cost - float(np.sum((errors * weights) ** 2))
+                    values, residuals, damping, moved = tried, errors, damping / 5.0, True
+                    break
+                damping *= 6.0
+            if not moved or gained < 1e-6 * cost:
+                break
+        return NetworkFit(layout, values, residuals, self.jacobian(layout, values))
+
+    def within_limits(self, layout: ParameterLayout, values: Array, step: Array) -> Array:
+        """Return parameters a step further, both of shape (p,), as far as one step may go."""
+        return self._allowed(layout, values + np.clip(step, -self._most(layout), self._most(layout)))
+
+    def _most(self, layout: ParameterLayout) -> Array:
+        """Return the largest change of each parameter in one step."""
+        own = [0.7, 0.7, self.longest_s / 5.0, 50.0, 50.0, 0.7][: layout.per_zone]
+        return np.array([*own * layout.size, *[1.0] * len(layout.pairs)])
+
+    def _allowed(self, layout: ParameterLayout, values: Array) -> Array:
+        """Return parameters with no dead time far below 0 and no coupling so far below 0 that the network runs away."""
+        values = values.copy()
+        dead = np.arange(layout.size) * layout.per_zone + 2
+        values[dead] = np.clip(values[dead], -self.interval_s, self.longest_s)  # power logged up to a row late
+        first = layout.size * layout.per_zone
+        values[first:] = np.maximum(values[first:], -most_below(layout))
+        return values
+
+    def jacobian(self, layout: ParameterLayout, values: Array) -> Array:
+        """Return the derivatives of all temperatures, shape (rows, n, parameters)."""
+        dead = 1e-3 * max(float(np.median(np.diff(self.time_s))), 1e-3)
+        own = [1e-4, 1e-4, dead, 1e-2, 1e-2, 1e-4][: layout.per_zone]
+        size = np.array([*own * layout.size, *[1e-4] * len(layout.pairs)])
+        moved = [values, *(values + size[place] * np.eye(1, len(values), place)[0] for place in range(len(values)))]
+        found = self.simulate(layout, moved)
+        return np.asarray(np.moveaxis((found[1:] - found[0]) / size[:, None, None], 0, 2))
+
+    def covariance(self, fit: NetworkFit) -> Array:
+        """Return the covariance of the parameters, shape (p, p): of correlated noise, and of when the power changed."""
+        freedom = len(fit.residuals) - len(fit.values) / fit.layout.size
+        variance = np.sum(fit.residuals**2, axis=0) / freedom
+        inflated = variance * np.array([variance_inflation(each) for each in fit.residuals.T])
+        weighted = (fit.jacobian / np.sqrt(inflated)[:, None]).reshape(-1, fit.jacobian.shape[-1])
+        scale = np.sqrt(np.sum(weighted**2, axis=0)) + 1e-30
+        weighted /= scale
+        late = (self.late_changes(fit) / np.sqrt(inflated)[:, None]).reshape(len(weighted), -1)
+        normal, crossed = weighted.T @ weighted, weighted.T @ late
+        normal -= crossed @ np.linalg.solve(late.T @ late + self._prior(), crossed.T)
+        values, vectors = np.linalg.eigh(normal)  # what the log does not show has a variance without end, not none
+        return np.asarray((vectors / np.maximum(values, _LEAST_SHOWN)) @ vectors.T / np.outer(scale, scale))
+
+    def _prior(self) -> Array:
+        """Return what is known of the instants of changes: any one since the row before, variance interval²/12."""
+        return np.diag(12.0 / self._timed_spans() ** 2)
+
+    def _timed_spans(self) -> Array:
+        """Return within which span each timed change may have been, shape (changes,) [s]."""
+        return np.concatenate([spans[timed] for spans, timed in zip(self.spans_s, self._timed(), strict=True)])
+
+    def _timed(self) -> list[npt.NDArray[np.intp]]:
+        """Return which changes of each zone's power are timed: the largest."""
+        return [np.argsort(-np.abs(course.changes_pct))[:_CHANGES] for course in self.courses]
+
+    def late_changes(self, fit: NetworkFit) -> Array:
+        """Return what it adds that a change of power comes later, shape (rows, n, changes) [°C/s]."""
+        modes, dead_times_s, _ = fit.layout.case(fit.values)
+        found = []
+        for zone, (course, timed) in enumerate(zip(self.courses, self._timed(), strict=True)):
+            since = self.time_s[:, None] - course.instants_s[timed] - dead_times_s[zone]
+            decay = np.where(since > 0.0, np.exp(modes.rates[:, None, None] * np.maximum(since, 0.0)), 0.0)
+            answer = np.tensordot(decay, modes.outputs * modes.inputs[:, zone], axes=(0, 1))
+            found.append(-np.moveaxis(answer.real, 2, 1) * course.changes_pct[timed])
+        return np.concatenate(found, axis=2)
+
+    def timed(self, fit: NetworkFit) -> tuple[NetworkProblem, NetworkFit]:
+        """Return the problem with each change of power at the instant between its rows that explains the log best.
+
+        Without it, power that changes between two rows leaves residuals that look like another heater's.
+        """
+        problem = self
+        moved = np.zeros(sum(map(len, self._timed())))
+        for _ in range(_ROUNDS):
+            weights = 1.0 / np.maximum(fit.residuals.std(axis=0), 1e-6)[:, None]
+            own = (fit.jacobian * weights).reshape(-1, len(fit.values))
+            late = (problem.late_changes(fit) * weights).reshape(len(own), -1)
+            both = np.hstack([own, late])
+            normal = both.T @ both
+            normal[len(fit.values):, len(fit.values):] += self._prior()
+            slope = both.T @ (fit.residuals * weights[:, 0]).ravel()
+            slope[len(fit.values):] -= self._prior() @ moved
+            step = np.linalg.lstsq(normal, slope, rcond=None)[0][len(fit.values):]
+            moved = np.clip(moved + step, -self._timed_spans(), self.interval_s)
+            parts, courses = iter(np.split(moved, np.cumsum([len(timed) for timed in self._timed()]))), []
+            for course, timed in zip(self.courses, self._timed(), strict=True):
+                instants = course.instants_s.copy()
+                instants[timed] += next(parts)
+                courses.append(course._replace(instants_s=instants))
+            problem = replace(self, courses=courses)
+            fit = problem.fit(fit.layout, fit.values)
+        return problem, fit
+
+    def with_further_couplings(self, fit: NetworkFit) -> NetworkFit:
+        """Return the fit with the couplings beyond the chain that explain the log better, the clearest first."""
+        for _ in range(fit.layout.size):
+            others = [pair for pair in neighbours("free", fit.layout.size) if pair not in fit.layout.pairs]
+            if not others:
+                break
+            wider = fit.layout._replace(pairs=(*fit.layout.pairs, *others))
+            values = np.append(fit.values, np.zeros(len(others)))
+            weights = 1.0 / fit.residuals.std(axis=0)
+            jacobian = (self.jacobian(wider, values) * weights[:, None]).reshape(-1, len(values))
+            step, *_ = np.linalg.lstsq(jacobian, (fit.residuals * weights).ravel(), rcond=None)
+            error = np.sqrt(np.diag(np.linalg.pinv(jacobian.T @ jacobian)))
+            place = int(np.argmax((step / error)[-len(others):]))
+            layout = fit.layout._replace(pairs=(*fit.layout.pairs, others[place]))
+            tried = self.fit(layout, np.append(fit.values, max(float(step[place - len(others)]), 0.01)))
+            if explanation_gain(fit, tried) < _SIGNIFICANT:
+                break
+            fit = tried
+        return fit
+
+    def with_second_lags(self, fit: NetworkFit) -> NetworkFit:
+        """Return the fit with a second lag of each zone where it explains the log better.
+
+        The larger lag may be the zone's own or that between heater and sensor: heat is exchanged after it or before.
+        """
+        if max(variance_inflation(each) for each in fit.residuals.T) < _WHITE:
+            return fit
+        own, _ = fit.layout.parts(fit.values)
+        second = np.log(np.maximum(0.5 * own[:, 2], 0.02 * np.exp(own[:, 1])))
+        start = np.column_stack([own, second])
+        start[:, 2] = 0.5 * own[:, 2]
+        exchanged = start[:, [0, 5, 2, 3, 4, 1]]
+        layout = fit.layout._replace(second=True)
+        both = (self.fit(layout, np.concatenate([each.ravel(), fit.values[own.size:]])) for each in (start, exchanged))
+        wider = max(both, key=partial(explanation_gain, fit))
+        return wider if explanation_gain(fit, wider) > _BIC * fit.layout.size and self._bounds_lags(wider) else fit
+
+    def _bounds_lags(self, fit: NetworkFit) -> bool:
+        """Return whether a fit with second lags tells the size of each lag."""
+        own = np.diag(self.covariance(fit))[: fit.layout.size * fit.layout.per_zone].reshape(fit.layout.size, -1)
+        return bool(np.all(_NORMAL * np.sqrt(own[:, [1, 5]]) < math.log(_KNOWN)))
+
+
+def explanation_gain(fit: NetworkFit, wider: NetworkFit) -> float:
+    """Return by how many points of -2·log likelihood a wider model explains the log better, correlation considered."""
+    rows = len(fit.residuals) / max(variance_inflation(each) for each in wider.residuals.T)
+    return rows * float(np.sum(np.log(np.mean(fit.residuals**2, axis=0) / np.mean(wider.residuals**2, axis=0))))
+
+
+def variance_inflation(residuals: Array) -> float:
+    """Return by how much the autocorrelation of residuals, shape (N,), raises the variance of what is fitted."""
+    centred = residuals - residuals.mean()
+    rho = float(centred[1:] @ centred[:-1] / max(float(centred @ centred), 1e-30))
+    rho = min(max(rho, 0.0), 0.98)
+    return (1.0 + rho) / (1.0 - rho)
+
+
+def most_below(layout: ParameterLayout) -> float:
+    """Return how far below 0 an exchange may be during a fit; the network does not run away with it."""
+    return _BELOW / max(layout.size - 1, 1)
