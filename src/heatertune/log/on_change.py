@@ -94,6 +94,7 @@ _REPEATS: Final = 0.02  # share of the readings that may repeat the one before
 _ONE_STEP: Final = 1.6  # times the smallest change: the value had moved by one step when it was written
 _FASTEST: Final = 1.5  # times the fastest change between two readings that follow at once
 _MOST_ROWS: Final = 20_000  # put back
+_FLICKER_REPEATS: Final = 0.1  # of the steps up or down, whichever are fewer: sampled readings repeat as often as these
 
 
 class OnChange(NamedTuple):
@@ -122,7 +123,8 @@ def on_change(time: Array, readings: Array) -> OnChange | None:
     """Return how readings are written on change, None if rows are not only written on change.
 
     They are if hardly any reading repeats the previous one immediately, and if the readings after a long pause have
-    mostly moved by no more than the smallest change. After a gap, a log may have moved by any amount.
+    mostly moved by no more than the smallest change. After a gap, a log may have moved by any amount. Rounded readings
+    that flicker by one step up and down would also repeat as often: if none does, the repeats were not written.
 
     Args:
         time: of each reading, shape (n,) [s].
@@ -140,11 +142,17 @@ def on_change(time: Array, readings: Array) -> OnChange | None:
     if interval <= 0.0 or repeated or np.count_nonzero(long & moved) < max(3.0, _LONG_SHARE * len(pauses)):
         return None
     smallest = float(np.percentile(changes[moved], 5.0))
-    if float(np.median(changes[long & moved])) > _ONE_STEP * smallest:
-        return None
     levels = readings / smallest
     rounded = float(np.mean(np.abs(levels - np.round(levels)) < 0.05)) > 0.9
+    if float(np.median(changes[long & moved])) > _ONE_STEP * smallest and not (rounded and _flickers(np.diff(levels))):
+        return None
     return OnChange(interval, smallest, rounded)
+
+
+def _flickers(steps: Array) -> bool:
+    """Return whether changes by one step up and down are so many that unwritten repeats alone explain their absence."""
+    up, stays, down = (int(np.count_nonzero(np.abs(steps - step) < 0.5)) for step in (1.0, 0.0, -1.0))
+    return min(up, down) >= _FEWEST and stays < _FLICKER_REPEATS * min(up, down)
 
 
 def spread(time: Array, readings: Array, written: OnChange, breaks: Array) -> RestoredRows:
