@@ -572,7 +572,8 @@ def _sixties(cell: str) -> float:
 
 
 def _from_numbers(sheet: Sheet, columns: Columns, unit: str | None, repairs: list[str]) -> LogSignal:
-    values = numbers(sheet, columns, "time", f"a number or a time like {STAMPS}")
+    values = numbers(sheet, columns, "time",
+                     f"a number or a time like {STAMPS}, or --log-interval with the seconds between two rows")
     if unit is None and (clock_s := clocks_in_digits(values)) is not None:
         repairs.append("The digits of the time are times of day and were converted to seconds.")
         return LogSignal(past_midnight(clock_s - clock_s[0], repairs), "stamps", "stamps")
