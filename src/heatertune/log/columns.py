@@ -233,8 +233,8 @@ def _is_text(sheet: Sheet, role: str, i: int) -> bool:
     cell = sheet.columns[i][0]
     if role == "time":
         return is_second_choice(sheet.header[i]) and is_number(cell) and not _is_sheet_day(cell)
-    return role == "power" and is_second_choice(sheet.header[i]) and not (
-        is_number(cell) or says_nothing(cell) or is_switch_word(cell))
+    is_doubtful = is_second_choice(sheet.header[i]) or list(map(role_of, sheet.header)).count("power") > 1
+    return role == "power" and is_doubtful and not (is_number(cell) or says_nothing(cell) or is_switch_word(cell))
 
 
 def _is_sheet_day(cell: str) -> bool:
@@ -403,6 +403,7 @@ _LONGEST_STEP_S: Final = 500.0  # of a calendar's seconds: a counter of millisec
 #: 19, 18 (of Windows since 1601, or of .NET since the year 1), 16 and 13 digits
 _EPOCHS: Final = ((9.4e17, "ns", 1e-9), (1e17, "100 ns", 1e-7), (1e14, "us", 1e-6), (1e11, "ms", 1e-3))
 _UNEVEN: Final = 0.02
+_ANY_TIME: Final = f"{STAMPS}, or --log-interval with the seconds between two rows"
 _SHEET_DAYS: Final = (20_000.0, 80_000.0)  # days since 1900 as spreadsheets count them: 1954 to 2119
 
 
@@ -572,8 +573,7 @@ def _sixties(cell: str) -> float:
 
 
 def _from_numbers(sheet: Sheet, columns: Columns, unit: str | None, repairs: list[str]) -> LogSignal:
-    values = numbers(sheet, columns, "time",
-                     f"a number or a time like {STAMPS}, or --log-interval with the seconds between two rows")
+    values = numbers(sheet, columns, "time", f"a number or a time like {_ANY_TIME}")
     if unit is None and (clock_s := clocks_in_digits(values)) is not None:
         repairs.append("The digits of the time are times of day and were converted to seconds.")
         return LogSignal(past_midnight(clock_s - clock_s[0], repairs), "stamps", "stamps")
@@ -644,8 +644,7 @@ def _from_stamps(sheet: Sheet, columns: Columns, cells: CellColumn, repairs: lis
         repairs.append("The dates are read with the year first: so they follow each other day by day.")
         cells = cells.map(year_turned)
     elif is_day_or_month(cells):
-        raise cell_error(sheet, columns, "time", 0, "a date that may be day first or month first:",
-                      f"{STAMPS}, or --log-interval with the seconds between two rows")
+        raise cell_error(sheet, columns, "time", 0, "a date that may be day first or month first:", _ANY_TIME)
     first = stamp(cells[0])
     elapsed_s = np.empty(len(cells))
     for row, moment in enumerate(map(stamp, cells)):

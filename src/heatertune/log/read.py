@@ -60,6 +60,7 @@ from heatertune.log.log_values import (
 from heatertune.log.on_change import Mask, differs, held_readings, on_change, spread, without_blank_power
 from heatertune.log.power_range import power_of, with_switch
 from heatertune.log.quantities import ROLES, is_scaled, on_or_off, says_nothing
+from heatertune.log.several_heaters import rows_of_one_heater
 from heatertune.log.sheet import Sheet
 from heatertune.log.side_columns import SIDE_ROLES, is_cooling, moving_heaters, quoted
 from heatertune.log.tags import TagSelection, TagTable, by_tags, common_instants, with_power_rows
@@ -285,8 +286,8 @@ def _placed(sheet: Sheet, settings: ReadSettings) -> tuple[TagTable, Sheet, Colu
     sheet = plain_cells(tagged.sheet, settings.decimal_comma) if tagged.is_long else tagged.sheet
     columns = find_columns(sheet, tagged.wanted or wanted, counted=settings.sample_time_s is not None)
     demand_one_form(sheet, columns, settings.decimal_comma)
-    sheet, columns = with_dates(sheet, columns, None if tagged.is_long else settings.date_column)
-    sheet, columns = with_clock_parts(sheet, columns)
+    sheet = rows_of_one_heater(sheet, columns, settings, is_long=tagged.is_long)
+    sheet, columns = with_clock_parts(*with_dates(sheet, columns, None if tagged.is_long else settings.date_column))
     return tagged, sheet, columns
 
 
