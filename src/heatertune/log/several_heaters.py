@@ -33,13 +33,15 @@ _FEWEST: Final = 10  # readings of each of two heaters
 _IN_TURNS: Final = 0.2  # of the rows, at least, follow one of another heater
 _APART: Final = 4.0  # times as far from the row before as from the last row of the same heater
 _OF_SPAN: Final = 0.02  # of the log's span: as far as rows in turns are apart at least, in the mean
-_MOST_TURNS: Final = 8
+_MOST_TURNS: Final = 4
+_JUMPING: Final = 0.6  # quantile of the steps from row to row: a few wild readings are none of another heater
 _SHOWN: Final = 5
 _NAMED: Final = re.compile(
     r"(zone|oven|furnace|device|unit|equipment|machine|loop|controller|extruder|nozzle|channel|sensor|probe|tag"
     r"|name|topic|id|slave|address|station|node|host|ofen|ger(ä|ae?)t|kanal|f(ü|ue)hler|regler|kreis)"
     r"( ?(name|id|no|nr|number|index|tag))?\.?", re.IGNORECASE)
-_TURN: Final = re.compile(r"([1-8]) of ([2-8])")
+_USUAL: Final = 0.95  # quantile of the steps of one heater
+_TURN: Final = re.compile(r"([1-4]) of ([2-4])")
 
 
 def heater_column(sheet: Sheet) -> int | None:
@@ -166,9 +168,10 @@ def demand_one_heater_by_turns(sheet: Sheet, columns: Columns) -> None:
     values = values[np.isfinite(values)]
     if len(values) < 2 * _FEWEST * 2:
         return
-    one, limit = float(np.mean(np.abs(np.diff(values)))), _OF_SPAN * float(np.ptp(values))
+    jump = float(np.quantile(np.abs(np.diff(values)), _JUMPING))
     lags = [float(np.mean(np.abs(values[lag:] - values[:-lag]))) for lag in range(2, _MOST_TURNS + 1)]
-    found = next((lag for lag, mean in enumerate(lags, start=2) if one > max(_APART * mean, limit)), None)
+    limit = _OF_SPAN * float(np.ptp(values))
+    found = next((lag for lag, mean in enumerate(lags, start=2) if jump > max(_APART * mean, limit)), None)
     if found is not None:
         raise LogError(
             f"the temperature jumps back and forth, as where {found} heaters or sensors have rows in turns",
@@ -193,7 +196,7 @@ def rows_of_turn(sheet: Sheet, columns: Columns, turn: tuple[int, int]) -> Sheet
     shifts = 0
     if len(values):
         last, due = values[:count].tolist(), 0
-        usual = float(np.nanmedian(np.abs(values[count:] - values[:-count]))) if len(values) > count else 0.0
+        usual = float(np.nanquantile(np.abs(values[count:] - values[:-count]), _USUAL)) if len(values) > count else 0.0
         for k, value in enumerate(values.tolist()):
             after = (due + 1) % count
             if abs(value - last[due]) > _APART * (abs(value - last[after]) + usual):
