@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import accumulate
 from typing import Final
@@ -20,6 +20,7 @@ from heatertune.errors import LogError
 from heatertune.log.log_values import EXPLICIT, LogSignal
 from heatertune.log.quantities import (
     ROLES,
+    demand_one_unit,
     is_foreign,
     is_heated,
     is_in_celsius,
@@ -106,13 +107,16 @@ def with_names(sheet: Sheet) -> Sheet:
     return replace(sheet, header=sheet.comment, repairs=(*sheet.repairs, note))
 
 
-def find_columns(sheet: Sheet, wanted: Mapping[str, str | int], *, counted: bool = False) -> Columns:
+def find_columns(
+    sheet: Sheet, wanted: Mapping[str, str | int], *, counted: bool = False, stated: Collection[str] = ()
+) -> Columns:
     """Return the columns of time, temperature, power and setpoint.
 
     Args:
         sheet: the cells.
         wanted: role → column name or number (1 = first) given by the user.
         counted: whether the time is counted in rows, so that no column needs to be found for it.
+        stated: roles whose unit the user states, whatever name and cells say.
 
     Raises:
         LogError: a column that does not exist or is requested twice, or no temperature column.
@@ -137,16 +141,9 @@ def find_columns(sheet: Sheet, wanted: Mapping[str, str | int], *, counted: bool
         demand_no_likely_power(sheet, index)
     names = {role: sheet.names()[i] for role, i in index.items()}
     units = {role: sheet.units[i] for role, i in index.items() if sheet.units and sheet.units[i]}
-    for role, unit in units.items():
-        _demand_one_unit(sheet, role, names[role], unit)
+    for role in [role for role in units if role not in stated]:
+        demand_one_unit(sheet.file, role, names[role] if sheet.header else "", units[role])
     return Columns(index=index, names=names, notes=tuple(notes), units=units)
-
-
-def _demand_one_unit(sheet: Sheet, role: str, name: str, unit: str) -> None:
-    named, borne = unit_in_name(role, name) if sheet.header else None, unit_in_name(role, f"[{unit}]")
-    if named is not None and borne is not None and named != borne:
-        raise LogError(f"a column named in {named} whose cells are in", file=sheet.file, column=name, value=unit,
-                       expected="one unit")
 
 
 def choose_column(sheet: Sheet, role: str, column: str | int) -> int:
