@@ -29,6 +29,7 @@ __all__ = [
 
 
 _MOST_LABELS: Final = 100
+_LOOKED_AT: Final = 1000  # rows, to pass over readings and times soon
 _FEWEST: Final = 10  # readings of each of two heaters
 _IN_TURNS: Final = 0.2  # of the rows, at least, follow one of another heater
 _APART: Final = 4.0  # times as far from the row before as from the last row of the same heater
@@ -95,7 +96,8 @@ def _labels(cells: CellColumn) -> list[str]:
 
 def _may_label(sheet: Sheet, i: int, cells: CellColumn) -> bool:
     """Return whether a column holds a few names, and often another one than in the row before."""
-    if not 2 <= cells.levels() <= min(_MOST_LABELS, len(cells) // _FEWEST):
+    if len(set(cells[:_LOOKED_AT])) > _MOST_LABELS or not 2 <= cells.levels() <= min(
+            _MOST_LABELS, len(cells) // _FEWEST):
         return False
     labels = _labels(cells)
     if all(map(is_switch_word, labels)) or any(says_nothing(label) or stamp(label) is not None for label in labels):
