@@ -231,7 +231,7 @@ def _is_text(sheet: Sheet, role: str, i: int) -> bool:
     if role == "time":
         return is_second_choice(sheet.header[i]) and is_number(cell) and not _is_sheet_day(cell)
     is_doubtful = is_second_choice(sheet.header[i]) or list(map(role_of, sheet.header)).count("power") > 1
-    return role == "power" and is_doubtful and not (is_number(cell) or says_nothing(cell) or is_switch_word(cell))
+    return role == "power" and is_doubtful and not any(fits(cell) for fits in (is_number, says_nothing, is_switch_word))
 
 
 def _is_sheet_day(cell: str) -> bool:

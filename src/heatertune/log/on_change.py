@@ -143,16 +143,23 @@ def on_change(time: Array, readings: Array) -> OnChange | None:
         return None
     smallest = float(np.percentile(changes[moved], 5.0))
     levels = readings / smallest
-    rounded = float(np.mean(np.abs(levels - np.round(levels)) < 0.05)) > 0.9
-    if float(np.median(changes[long & moved])) > _ONE_STEP * smallest and not (rounded and _flickers(np.diff(levels))):
+    if float(np.median(changes[long & moved])) > _ONE_STEP * smallest and not _flickers(levels):
         return None
-    return OnChange(interval, smallest, rounded)
+    return OnChange(interval, smallest, _is_rounded(levels))
 
 
-def _flickers(steps: Array) -> bool:
-    """Return whether changes by one step up and down are so many that unwritten repeats alone explain their absence."""
+def _is_rounded(levels: Array) -> bool:
+    return float(np.mean(np.abs(levels - np.round(levels)) < 0.05)) > 0.9
+
+
+def _flickers(levels: Array) -> bool:
+    """Return whether whole steps up and down are so many that repeats can only be absent because they are not written.
+
+    The levels are the readings in steps, shape (n,).
+    """
+    steps = np.diff(levels)
     up, stays, down = (int(np.count_nonzero(np.abs(steps - step) < 0.5)) for step in (1.0, 0.0, -1.0))
-    return min(up, down) >= _FEWEST and stays < _FLICKER_REPEATS * min(up, down)
+    return _is_rounded(levels) and min(up, down) >= _FEWEST and stays < _FLICKER_REPEATS * min(up, down)
 
 
 def spread(time: Array, readings: Array, written: OnChange, breaks: Array) -> RestoredRows:

@@ -410,32 +410,52 @@ def with_common_unit(cells: CellColumn, *, bare: bool) -> tuple[CellColumn, str]
         cells: of a column.
         bare: whether numbers without a unit may be of the same quantity.
     """
-    if not any(_unit_of(cell)[1] for cell in cells.at_rows(np.unique(
-            np.linspace(0, len(cells) - 1, _LOOKED_AT).astype(np.intp)))):
+    some = cells.at_rows(np.unique(np.linspace(0, len(cells) - 1, _LOOKED_AT).astype(np.intp)))
+    if not any(_unit_of(cell)[1] for cell in some):
         return None
-    known = {cell: _unit_of(cell) for cell in cells.kinds() if not says_nothing(cell)}
-    units = sorted({unit for _, unit in known.values() if unit})
-    without = int(np.count_nonzero(cells.where(lambda cell: is_number(cell) and not says_nothing(cell))))
-    is_mixed = len(units) > 1
-    if (without and (is_mixed or not bare or len(cells) - without < _TWO)) or (
-            is_mixed and not _TO_CELSIUS.keys() >= {*units}):
-        return None
-    changed = cells.map(partial(_in_unit, known=known, common="" if is_mixed else units[0]))
-    if not (without or is_mixed) and list(changed.kinds()) == list(cells.kinds()):
-        return None
-    note = f"The cells of column {{}} are in {' and '.join(units)}; all were converted to °C." if is_mixed else ""
-    return changed, f"{count(without, 'cell')} of column {{}} without a unit read in {units[0]}, as the others." if (
-        without) else note
+    parts = {cell: _unit_of(cell) for cell in cells.kinds()}
+    units = sorted({unit for _, unit in parts.values()} - {""})
+    return _converted(cells, parts, units) if len(units) > 1 else _in_one_notation(cells, parts, units[0], bare=bare)
 
 
-def _in_unit(cell: str, known: Mapping[str, tuple[str, str]], common: str) -> str:
-    """Return a cell with a number in a common unit, "": °C; others as they are."""
-    figure, unit = known.get(cell, ("", ""))
-    if unit and says_nothing(figure):
-        return figure
-    if unit and not common:
-        return f"{_TO_CELSIUS[unit](float(figure.replace(',', '.'))):.12g} °C"
-    return f"{figure} {common}" if unit else f"{cell} {common}" if is_number(cell) and not says_nothing(cell) else cell
+def _converted(
+    cells: CellColumn, parts: Mapping[str, tuple[str, str]], units: Sequence[str]
+) -> tuple[CellColumn, str] | None:
+    """Return temperatures of several units in °C; None of other units, or where numbers without one are among them."""
+    if not _TO_CELSIUS.keys() >= {*units} or np.any(cells.where(_is_bare)):
+        return None
+    note = f"The cells of column {{}} are in {' and '.join(units)}; all were converted to °C."
+    return cells.map(partial(_in_celsius, parts=parts)), note
+
+
+def _in_one_notation(
+    cells: CellColumn, parts: Mapping[str, tuple[str, str]], unit: str, *, bare: bool
+) -> tuple[CellColumn, str] | None:
+    without = int(np.count_nonzero(cells.where(_is_bare)))
+    if without and (not bare or len(cells) - without < _TWO):
+        return None
+    common = cells.map(partial(_in_unit, parts=parts, unit=unit))
+    if without:
+        return common, f"{count(without, 'cell')} of column {{}} without a unit read in {unit}, as the others."
+    return None if list(common.kinds()) == list(cells.kinds()) else (common, "")
+
+
+def _is_bare(cell: str) -> bool:
+    return is_number(cell) and not says_nothing(cell)
+
+
+def _in_celsius(cell: str, parts: Mapping[str, tuple[str, str]]) -> str:
+    figure, unit = parts[cell]
+    if not unit or says_nothing(figure):
+        return figure or cell
+    return f"{_TO_CELSIUS[unit](float(figure.replace(',', '.'))):.12g} °C"
+
+
+def _in_unit(cell: str, parts: Mapping[str, tuple[str, str]], unit: str) -> str:
+    figure, own = parts[cell]
+    if not own and not _is_bare(cell):
+        return cell
+    return figure if says_nothing(figure) and own else f"{figure if own else cell} {unit}"
 
 
 def _unit_of(cell: str) -> tuple[str, str]:

@@ -96,16 +96,19 @@ def _labels(cells: CellColumn) -> list[str]:
 
 def _may_label(sheet: Sheet, i: int, cells: CellColumn) -> bool:
     """Return whether a column holds a few names, and often another one than in the row before."""
-    if len(set(cells[:_LOOKED_AT])) > _MOST_LABELS or not 2 <= cells.levels() <= min(
-            _MOST_LABELS, len(cells) // _FEWEST):
+    if len(set(cells[:_LOOKED_AT])) > _MOST_LABELS:
         return False
     labels = _labels(cells)
+    if not 2 <= len(labels) <= min(_MOST_LABELS, len(cells) // _FEWEST) or not _are_names(sheet, i, labels):
+        return False
+    return float(np.mean(np.diff(_codes(cells, labels)) != 0.0)) >= _IN_TURNS
+
+
+def _are_names(sheet: Sheet, i: int, labels: Sequence[str]) -> bool:
+    """Return whether the cells of a column are words but for on and off, or whole numbers under a fitting name."""
     if all(map(is_switch_word, labels)) or any(says_nothing(label) or stamp(label) is not None for label in labels):
         return False
-    if any(map(is_number, labels)) and not (all(label.isdecimal() for label in labels) and _is_named(sheet, i)):
-        return False
-    codes = _codes(cells, labels)
-    return float(np.mean(np.diff(codes) != 0.0)) >= _IN_TURNS
+    return not any(map(is_number, labels)) or (all(map(str.isdecimal, labels)) and _is_named(sheet, i))
 
 
 def _is_named(sheet: Sheet, i: int) -> bool:
