@@ -91,7 +91,7 @@ def with_heaters_in_tags(sheet: Sheet, tag: int) -> Sheet:
 
 
 def _labels(cells: CellColumn) -> list[str]:
-    return list(dict.fromkeys(cells))
+    return list(dict.fromkeys(cells.kinds()))
 
 
 def _may_label(sheet: Sheet, i: int, cells: CellColumn) -> bool:
