@@ -171,7 +171,7 @@ def demand_one_heater_by_turns(sheet: Sheet, columns: Columns) -> None:
     """
     values = _values(sheet.columns[columns.index["temperature"]])
     values = values[np.isfinite(values)]
-    if len(values) < 2 * _FEWEST * 2:
+    if len(values) < 2 * _FEWEST * 2 or len(np.unique(values)) <= _FEWEST:
         return
     jump = float(np.quantile(np.abs(np.diff(values)), _JUMPING))
     lags = [float(np.mean(np.abs(values[lag:] - values[:-lag]))) for lag in range(2, _MOST_TURNS + 1)]
