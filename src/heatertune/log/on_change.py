@@ -94,7 +94,9 @@ _REPEATS: Final = 0.02  # share of the readings that may repeat the one before
 _ONE_STEP: Final = 1.6  # times the smallest change: the value had moved by one step when it was written
 _FASTEST: Final = 1.5  # times the fastest change between two readings that follow at once
 _MOST_ROWS: Final = 20_000  # put back
-_FLICKER_REPEATS: Final = 0.1  # of the steps up or down, whichever are fewer: sampled readings repeat as often as these
+_NEAR_STEPS: Final = 5
+_FEWEST_REPEATS: Final = 5.0  # to be expected: by chance a sampled log has none in one of 150 cases
+_FLICKER_REPEATS: Final = 0.1  # of the repeats that are to be expected
 
 
 class OnChange(NamedTuple):
@@ -142,10 +144,11 @@ def on_change(time: Array, readings: Array) -> OnChange | None:
     if interval <= 0.0 or repeated or np.count_nonzero(long & moved) < max(3.0, _LONG_SHARE * len(pauses)):
         return None
     smallest = float(np.percentile(changes[moved], 5.0))
-    levels = readings / smallest
-    if float(np.median(changes[long & moved])) > _ONE_STEP * smallest and not _flickers(levels):
-        return None
-    return OnChange(interval, smallest, _is_rounded(levels))
+    if float(np.median(changes[long & moved])) > _ONE_STEP * smallest:
+        smallest = float(np.min(changes[moved]))  # of a sensor's last digit
+        if not _flickers(readings / smallest):
+            return None
+    return OnChange(interval, smallest, _is_rounded(readings / smallest))
 
 
 def _is_rounded(levels: Array) -> bool:
@@ -157,9 +160,11 @@ def _flickers(levels: Array) -> bool:
 
     The levels are the readings in steps, shape (n,).
     """
-    steps = np.diff(levels)
-    up, stays, down = (int(np.count_nonzero(np.abs(steps - step) < 0.5)) for step in (1.0, 0.0, -1.0))
-    return _is_rounded(levels) and min(up, down) >= _FEWEST and stays < _FLICKER_REPEATS * min(up, down)
+    steps = np.round(np.diff(levels))
+    up, down = (np.count_nonzero((sign * steps >= 1.0) & (sign * steps <= _NEAR_STEPS)) for sign in (1.0, -1.0))
+    repeats = min(up, down) / _NEAR_STEPS  # to be expected, as often as any other step near 0
+    return bool(_is_rounded(levels) and repeats >= _FEWEST_REPEATS and (
+        np.count_nonzero(steps == 0.0) < _FLICKER_REPEATS * repeats))
 
 
 def spread(time: Array, readings: Array, written: OnChange, breaks: Array) -> RestoredRows:
