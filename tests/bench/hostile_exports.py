@@ -1,8 +1,8 @@
 """Hostile exports of one known heater, which no tool writes on purpose: is any read into another heater?
 
-    python -m tests.bench.hostile_exports [--only NAME] [--verbose] [--draw N] [--devices]
+    python -m tests.bench.hostile_exports [--only NAME] [--verbose] [--draw N] [--devices] [--sheet]
 
---devices: those of `hostile_devices` alone.
+--devices: those of `hostile_devices` alone. --sheet: through the studio's sheet for a dropped file in place of the command line.
 
 Each goes through `messy.judge`: a message is followed by what the user of this heater knows. A wrong heater, an
 accusation that is false and a traceback are failures; a refusal without a way on is counted and shown.
@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import json
 import random
 import re
 import sys
@@ -22,8 +23,15 @@ from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
+from heatertune.errors import HeatertuneError
+from heatertune.model.fit import fit
+from heatertune.model.model_document import to_document
+from heatertune.options import options_of
+from heatertune.settings import ReadSettings
+from heatertune.studio.sheet_card import DroppedFile, sheet
+from heatertune.studio.wording import for_page
 from tests.bench import tool_exports
-from tests.bench.messy import ACCUSED, CLASSES, STUCK, WRONG, judge
+from tests.bench.messy import _TURNS, ACCUSED, CLASSES, REMEDY, RIGHT, STUCK, WRONG, asked_for, is_right, judge
 from tests.bench.tool_exports import START, Export, Run, comma, iso, point, redraw, steps, table, text
 
 WRITERS: list[tuple[str, Callable[[Run], tuple[Any, ...]]]] = []
@@ -419,6 +427,46 @@ def _(run):
     return text([cells[0], *bad, *cells[201:241]]), {}
 
 
+def outcome_on_sheet(export: Export) -> tuple[str, list[str]]:
+    """Return what became of an export that is dropped on the studio's page, and the messages on the way.
+
+    What a message asks for is chosen on the sheet as its answer, or typed into the field of that option.
+    """
+    flags = {option.flag: option for option in options_of(ReadSettings).values()}
+    dropped, typed, said = DroppedFile.of(export.name, export.content), [""], list[str]()
+    for turn in range(_TURNS):
+        shown = sheet(dropped) + for_page(dropped.problem)
+        assumed = " ".join(dropped.log.taken.assumed.values()) if dropped.log and dropped.log.taken else ""
+        said.append(dropped.problem or assumed or "read")
+        if "Traceback" in shown:
+            return WRONG, said
+        question = dropped.problem or assumed
+        if not question:
+            log, known = dropped.to_log()
+            try:
+                model = json.loads(json.dumps(to_document(fit(log, known))))
+            except HeatertuneError as problem:
+                question = str(problem)
+            else:
+                right = is_right(model, export)
+                findings = " ".join(finding["name"] for finding in model["findings"])
+                said.append(f"{model['gain_degC_per_pct']} {model['time_constant_s']} {model['dead_time_s']} {findings}")
+                blocked = any(finding.kind.effect == "blocks" for finding in fit(log, known).findings)
+                return (REMEDY if turn else RIGHT) if right else OPEN if blocked or right is None else WRONG, said
+            said.append(question)
+        words = asked_for(question, export, typed)
+        if not words:
+            return STUCK, said
+        typed += words
+        if words[0] in ("--until", "--from"):
+            dropped = dropped.assume(**{f"{words[0][2:]}_s": float(words[1])})
+            continue
+        option = flags[words[0]]
+        values = tuple(map(option.kind, words[1:]))
+        dropped = dropped.read(**{option.name: True if option.kind is bool else values if option.pair else values[0]})
+    return STUCK, said
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Print what became of each export; return 1 if one was read into another heater, accused falsely or crashed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -426,12 +474,13 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--draw", type=int, default=0)
     parser.add_argument("--verbose", action="store_true")
     parser.add_argument("--devices", action="store_true")
+    parser.add_argument("--sheet", action="store_true")
     asked = parser.parse_args(arguments)
     redraw(asked.draw)
     counts: Counter[str] = Counter()
     with tempfile.TemporaryDirectory() as folder:
         for export in exports(asked.only, importlib.import_module("tests.bench.hostile_devices").WRITERS if asked.devices else WRITERS):
-            outcome, said = outcome_of(export, Path(folder))
+            outcome, said = outcome_on_sheet(export) if asked.sheet else outcome_of(export, Path(folder))
             counts[outcome] += 1
             print(f"{export.tool}: {outcome}", flush=True)
             if asked.verbose or outcome in (WRONG, ACCUSED, STUCK):

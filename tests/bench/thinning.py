@@ -164,14 +164,14 @@ def fitted(texts: list[str], folder: Path, **stated: Any) -> FittedModel:
     return fit(read_log(files[0], power_full_scale=100.0, power_log=str(files[1]) if len(files) > 1 else None), **stated)
 
 
-def bounded(call: Callable[[], FittedModel], seconds: int) -> FittedModel | str:
+def bounded(call: Callable[[], Any], seconds: int) -> Any:
     """Return what a call returns within so much processor time, in a process of its own; else why there is nothing."""
     reader, writer = os.pipe()
     child = os.fork()
     if child == 0:
         resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
         try:
-            result: FittedModel | str = call()
+            result = call()
         except (HeatertuneError, TypeError) as problem:
             result = f"refused: {problem}"
         with os.fdopen(writer, "wb") as pipe:

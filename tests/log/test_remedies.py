@@ -88,6 +88,8 @@ BACK = table("Time,Temp [°C],Heater [%]", [clock(s if s < 80 else s - 37) for s
 FORTH = table("Time,Temp [°C],Heater [%]", [clock(s if s < 80 else s + 3600) for s in S], T, P)
 TWICE = [s for s in S for _ in (0, 1)]
 BOTH = [t for k, t in enumerate(T) for t in (t, f"{31 + 0.1 * (k % 5):.1f}")]
+NEAR = [near for t in T for near in (t, f"{float(t) + 0.1:.1f}")]
+COARSE = [8 * (k // 4) if k < ROWS // 2 else 80 + 4 * (k // 2) for k in range(ROWS)]
 BLANKS = ["" if k % 4 == 3 else t for k, t in enumerate(T)]
 LOST = ["Err" if k % 13 == 3 else "-127.0" if k % 20 == 5 else t for k, t in enumerate(T)]
 SETPOINT = [20.0 if k < 25 else 55.0 for k in range(ROWS)]
@@ -100,9 +102,18 @@ CASES = (
         f"{line}\n" if k % 6 or not k else f"{line.rpartition(',')[0]}\n" for k, line in enumerate(wide().splitlines())), ("--skip-empty",)),
     Case("cells._with_closed_quotes", 'a "title\nof "three\nlines "\n' + wide(), ("--skip-rows 3",)),
     Case("cleaning._put_back_repeats", BACK, ("--log-interval 2",)),
-    Case("cleaning._demand_one_heater", table("time [s],Temp [°C],Heater [%],Channel", TWICE, BOTH, [p for p in P for _ in (0, 1)], [1, 2] * ROWS),
-         ("--tag 1 --tag-column Channel",)),
-    Case("cleaning._demand_one_heater", table(HEAD, TWICE, BOTH, [p for p in P for _ in (0, 1)]), ("--log-interval 1",)),
+    Case("cleaning._demand_one_heater", table("time [s],Temp [°C],Heater [%],side", TWICE, NEAR, [p for p in P for _ in (0, 1)], ["a", "b"] * ROWS),
+         ("--tag a --tag-column side",)),
+    Case("cleaning._demand_one_heater", table(HEAD, COARSE, T, P), ("--log-interval 2",)),
+    Case("several_heaters.demand_one_heater_by_name",
+         table("time [s],Temp [°C],Heater [%],Channel", range(2 * ROWS), BOTH, [p for p in P for _ in (0, 1)], [1, 2] * ROWS),
+         ("--tag 1 --tag-column Channel", "--tag-column none")),
+    Case("several_heaters.demand_one_heater_by_turns", table(HEAD, range(2 * ROWS), BOTH, [p for p in P for _ in (0, 1)]),
+         ('--tag "1 of 2"', "--tag-column none")),
+    Case("columns._from_numbers", table(HEAD, [s if k > 9 else "" for k, s in enumerate(S)], T, P), ("--log-interval 2",)),
+    Case("quantities.demand_one_unit", table("time [min],Temp [°C],Heater [%]", [f"{s} s" for s in S], T, P), ("--time-unit s",)),
+    Case("quantities.demand_one_unit", table("time [s],Temp [°C],Heater [0..255]", S, T, [f"{p} %" for p in P]), ("--power-full-scale 100",)),
+    Case("quantities.demand_one_unit", table(HEAD, S, [f"{1.8 * float(t) + 32:.1f} °F" for t in T], P), ("--temperature-unit degF",)),
     Case("cleaning.one_run", wide() + wide().partition("\n")[2], ("--run 2",), notes=True),
     Case("cleaning.no_readings", table(HEAD, S, LOST, P), ("--skip-empty",)),
     Case("cleaning._other_column", table("time [s],Temperature [°C],Value [°C],Heater [%]", S, SETPOINT, [f"{float(t) - 0.3 * (k % 2):.1f}" for k, t in enumerate(T)], P), ('--temperature-column "Value [°C]"',)),

@@ -78,7 +78,7 @@ def test_readings_that_no_heater_has_ask_for_their_unit(tmp_path, column, rows):
 def test_rows_of_two_zones_are_refused_with_the_column_that_tells_them_apart(tmp_path):
     rows = [(t, zone, y + shift, u) for t, y, u in ROWS for zone, shift in (("left", 0.0), ("right", 5.0))]
     text = _table("time_s,side,temp_C,duty_pct", rows)
-    with pytest.raises(LogError, match=r"line 3.*column 'side' tells them apart \(left, right\).*--tag left --tag-column side"):
+    with pytest.raises(LogError, match=r"column 'side' tells them apart \(left, right\).*--tag left --tag-column side"):
         _read(tmp_path, text)
     log = _read(tmp_path, text, tag="right")
     assert log.temperature_degC.tolist() == [y + 5.0 for _, y, _ in ROWS]
@@ -103,8 +103,12 @@ def test_rows_of_a_clock_too_coarse_are_spread_and_a_row_now_and_then_is_told(tm
 
 def test_two_sensors_in_the_rows_of_one_instant_are_not_spread(tmp_path):
     two = [(2.0 * (k // 2), y if k % 2 else 20.0, u) for k, (_, y, u) in enumerate(ROWS)]
+    text = _table("time_s,temp_C,duty_pct", two)
+    with pytest.raises(LogError, match=r'2 heaters or sensors have rows in turns; expected --tag "1 of 2".*--tag-column none'):
+        _read(tmp_path, text)
+    assert _read(tmp_path, text, tag="2 of 2").temperature_degC.tolist() == [y for _, y, _ in ROWS[1::2]]
     with pytest.raises(LogError, match=r"rows of 60 share an instant"):
-        _read(tmp_path, _table("time_s,temp_C,duty_pct", two))
+        _read(tmp_path, text, tag_column="none")
 
 
 def test_repeated_rows_lose_nothing(tmp_path):

@@ -317,3 +317,55 @@ def test_an_empty_cell_beside_the_stated_word_for_on_is_no_power_that_is_off(tmp
     assert 150.0 not in log.time_s
     assert log.power_pct[29:31].tolist() == [100.0, 100.0]
     assert "1 row without a power left out (line 32)." in log.repairs
+
+
+def fahrenheit(value):
+    return 32.0 + 1.8 * value
+
+
+@pytest.mark.parametrize(("temperature", "power"), [
+    (lambda _, y: f"{y:.2f} °C", lambda _, u: f"{u:g} %"), (lambda _, y: f"{fahrenheit(y):.2f}°F", lambda _, u: f"{u:g}%"),
+    (lambda _, y: f"{y:.2f} [°C]", lambda _, u: f"{u:g} [%]"), (lambda _, y: f"{y:.2f} Celsius", lambda _, u: f"{u:g} percent"),
+    (lambda _, y: f"{y:.2f} Â°C", lambda _, u: f"{u:g} Prozent"), (lambda _, y: f"{y:.2f} \ufffdC", lambda _, u: f"{u:g} %"),
+    (lambda k, y: f"{y:.2f} °C" if k % 3 else f"{y:.2f}", lambda k, u: f"{u:g} %" if k % 4 else f"{u:g}"),
+    (lambda k, y: f"{y:.2f} °C" if k % 2 else f"{fahrenheit(y):.2f} °F", lambda _, u: f"{u:g} %"),
+    (lambda k, y: f"{y:.2f} °C" if k < 30 else f"{y + 273.15:.2f} K", lambda _, u: f"{u:g} %"),
+])
+def test_units_in_the_cells_are_read_in_their_notations(temperature, power):
+    log = log_of(temperature=[temperature(k, y) for k, y in enumerate(TEMPERATURE_DEGC)],
+                 power=[power(k, u) for k, u in enumerate(POWER_PCT)], head="t_s,Temp,Heater")
+    assert is_true(log)
+    assert not log.taken.assumed
+
+
+def test_cells_in_two_units_and_cells_without_one_are_told():
+    halves = [f"{y:.2f} °C" if k % 2 else f"{fahrenheit(y):.2f} °F" for k, y in enumerate(TEMPERATURE_DEGC)]
+    assert any("in °C and °F; all were converted" in note for note in log_of(temperature=halves, head="t_s,Temp,power_pct").repairs)
+    some = [f"{y:.2f} °C" if k % 2 else f"{y:.2f}" for k, y in enumerate(TEMPERATURE_DEGC)]
+    assert any("30 cells of column 'Temp' without a unit read in °C" in note
+               for note in log_of(temperature=some, head="t_s,Temp,power_pct").repairs)
+
+
+def test_numbers_of_another_tag_have_no_unit_of_a_temperature():
+    rows = [row for t, y, u in zip(TIME_S, TEMPERATURE_DEGC, POWER_PCT, strict=True)
+            for row in (f"{t},Temp,{y:.2f} °C", f"{t},Heater [%],{u}")]
+    assert is_true(read_log(io.StringIO("\n".join(["time_s,tag,value", *rows]) + "\n")))
+
+
+def test_a_name_and_cells_of_two_units_are_a_question_whose_answer_works():
+    cells = [f"{fahrenheit(y):.2f} °F" for y in TEMPERATURE_DEGC]
+    with pytest.raises(LogError, match=r"named in degC whose cells are in .* --temperature-unit degF if the cells are right"):
+        log_of(temperature=cells, head="t_s,Temp [°C],power_pct")
+    assert is_true(log_of(temperature=cells, head="t_s,Temp [°C],power_pct", temperature_unit="degF"))
+
+
+@pytest.mark.parametrize("first_row", [8, 29, 50])
+def test_a_clock_that_is_set_years_later_makes_two_runs(first_row):
+    """A device that begins in 1970 until it has the time: 1 January 1970 and 14 March 2026 are 56 years apart."""
+    stamps = [f"{'1970-01-01' if k < first_row else '2026-03-14'} 10:00:{k:02d}" for k in range(60)]
+    log = log_of(time=stamps, head="Time,temp_C,power_pct")
+    rows = slice(first_row, None) if first_row < 30 else slice(0, first_row)
+    assert log.temperature_degC == pytest.approx(TEMPERATURE_DEGC[rows], abs=1e-5)
+    assert log.time_s[-1] - log.time_s[0] == len(TEMPERATURE_DEGC[rows]) - 1
+    if first_row == 29:
+        assert any("clock jumps by years; the file holds 2 runs" in note and "--run" in note for note in log.repairs)

@@ -34,6 +34,7 @@ from heatertune.log.quantities import (
     role_of,
     says_nothing,
     usual_form,
+    with_common_unit,
     without_marks,
 )
 from heatertune.log.sheet import Grid, Sheet, TextParts, drain, line_breaks
@@ -577,6 +578,10 @@ def plain_cells(sheet: Sheet, decimal_comma: str | None = None) -> Sheet:
             sheet = sheet.with_column(i, unmarked)
             repairs.append(f"The marks behind some numbers of column {shown} were left out.")
         column = cells if unmarked is None else unmarked
+        if (common := with_common_unit(column, bare=not _names_rows(sheet))) is not None:
+            column = common[0]
+            sheet = sheet.with_column(i, column)
+            repairs.extend(filter(None, [common[1].format(shown)]))
         plain = plain_quantities(column, decimal_commas=comma)
         units.append(plain[1] if plain else "")
         if plain is None:
@@ -588,3 +593,12 @@ def plain_cells(sheet: Sheet, decimal_comma: str | None = None) -> Sheet:
     if commas:
         repairs.append("Decimal commas were read as points.")
     return replace(sheet, repairs=tuple(repairs), units=tuple(units))
+
+
+def _names_rows(sheet: Sheet) -> bool:
+    """Return whether a column of a few words may say what the values of a row are: a long table."""
+    return any(1 < column.levels() <= len(column) // 4 and not any(
+        is_number(cell) or is_quantity(cell) for cell in column[:_SOME]) for column in sheet.columns)
+
+
+_SOME: Final = 5

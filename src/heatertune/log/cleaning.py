@@ -293,13 +293,14 @@ def one_run(sheet: Sheet, time: Array, wanted: int | None, repairs: list[str]) -
 
     The run is the requested one (1 = first), otherwise the longest.
 
-    A run begins where the clock restarts at its first value; a time that only goes backwards is not a new run. The
-    times [s] are of shape (n,), one for each row.
+    A run begins where the clock restarts at its first value, or jumps by years as it is set; a time that only goes
+    backwards is not a new run. The times [s] are of shape (n,), one for each row.
 
     Raises:
         LogError: a run that does not exist.
     """
-    starts = _session_starts(sheet) or _restarts(time)
+    set_at = (np.flatnonzero(np.abs(np.diff(time)) > _UNSET_S) + 1).tolist()
+    starts = _session_starts(sheet) or ([0, *set_at] if set_at else _restarts(time))
     if wanted is not None and not 1 <= wanted <= len(starts):
         raise LogError(f"run {wanted}", file=sheet.file, expected=f"1…{len(starts)}, as many runs as the file holds")
     if len(starts) == 1:
@@ -312,10 +313,10 @@ def one_run(sheet: Sheet, time: Array, wanted: int | None, repairs: list[str]) -
     begin, end = starts[chosen], ends[chosen]
     why = "as asked" if wanted is not None else "in which the heater moved most" if best else "the longest"
     repairs.append(
-        f"The file holds {len(starts)} runs (from lines {', '.join(map(sheet.line_name, starts))}); run "
-        f"{chosen + 1} was read, {why}: --run reads another."
+        f"The {'clock jumps by years; the ' if set_at else ''}file holds {len(starts)} runs (from lines "
+        f"{', '.join(map(sheet.line_name, starts))}); run {chosen + 1} was read, {why}: --run reads another."
     )
-    return sheet.at_rows(slice(begin, end)), time[begin:end], chosen + 1
+    return sheet.at_rows(slice(begin, end)), time[begin:end] - (time[begin] if set_at else 0.0), chosen + 1
 
 
 def _session_starts(sheet: Sheet) -> list[int]:

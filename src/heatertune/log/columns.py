@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import accumulate
@@ -21,6 +21,7 @@ from heatertune.errors import LogError
 from heatertune.log.log_values import EXPLICIT, LogSignal
 from heatertune.log.quantities import (
     ROLES,
+    demand_one_unit,
     is_foreign,
     is_heated,
     is_in_celsius,
@@ -107,13 +108,16 @@ def with_names(sheet: Sheet) -> Sheet:
     return replace(sheet, header=sheet.comment, repairs=(*sheet.repairs, note))
 
 
-def find_columns(sheet: Sheet, wanted: Mapping[str, str | int], *, counted: bool = False) -> Columns:
+def find_columns(
+    sheet: Sheet, wanted: Mapping[str, str | int], *, counted: bool = False, stated: Collection[str] = ()
+) -> Columns:
     """Return the columns of time, temperature, power and setpoint.
 
     Args:
         sheet: the cells.
         wanted: role → column name or number (1 = first) given by the user.
         counted: whether the time is counted in rows, so that no column needs to be found for it.
+        stated: roles whose unit the user states, whatever name and cells say.
 
     Raises:
         LogError: a column that does not exist or is requested twice, or no temperature column.
@@ -138,16 +142,9 @@ def find_columns(sheet: Sheet, wanted: Mapping[str, str | int], *, counted: bool
         demand_no_likely_power(sheet, index)
     names = {role: sheet.names()[i] for role, i in index.items()}
     units = {role: sheet.units[i] for role, i in index.items() if sheet.units and sheet.units[i]}
-    for role, unit in units.items():
-        _demand_one_unit(sheet, role, names[role], unit)
+    for role in [role for role in units if role not in stated]:
+        demand_one_unit(sheet.file, role, names[role] if sheet.header else "", units[role])
     return Columns(index=index, names=names, notes=tuple(notes), units=units)
-
-
-def _demand_one_unit(sheet: Sheet, role: str, name: str, unit: str) -> None:
-    named, borne = unit_in_name(role, name) if sheet.header else None, unit_in_name(role, f"[{unit}]")
-    if named is not None and borne is not None and named != borne:
-        raise LogError(f"a column named in {named} whose cells are in", file=sheet.file, column=name, value=unit,
-                       expected="one unit")
 
 
 def choose_column(sheet: Sheet, role: str, column: str | int) -> int:
@@ -234,8 +231,8 @@ def _is_text(sheet: Sheet, role: str, i: int) -> bool:
     cell = sheet.columns[i][0]
     if role == "time":
         return is_second_choice(sheet.header[i]) and is_number(cell) and not _is_sheet_day(cell)
-    return role == "power" and is_second_choice(sheet.header[i]) and not (
-        is_number(cell) or says_nothing(cell) or is_switch_word(cell))
+    is_doubtful = is_second_choice(sheet.header[i]) or list(map(role_of, sheet.header)).count("power") > 1
+    return role == "power" and is_doubtful and not any(fits(cell) for fits in (is_number, says_nothing, is_switch_word))
 
 
 def _is_sheet_day(cell: str) -> bool:
@@ -404,6 +401,7 @@ _LONGEST_STEP_S: Final = 500.0  # of a calendar's seconds: a counter of millisec
 #: 19, 18 (of Windows since 1601, or of .NET since the year 1), 16 and 13 digits
 _EPOCHS: Final = ((9.4e17, "ns", 1e-9), (1e17, "100 ns", 1e-7), (1e14, "us", 1e-6), (1e11, "ms", 1e-3))
 _UNEVEN: Final = 0.02
+_ANY_TIME: Final = f"{STAMPS}, or --log-interval with the seconds between two rows"
 _SHEET_DAYS: Final = (20_000.0, 80_000.0)  # days since 1900 as spreadsheets count them: 1954 to 2119
 
 
@@ -573,7 +571,7 @@ def _sixties(cell: str) -> float:
 
 
 def _from_numbers(sheet: Sheet, columns: Columns, unit: str | None, repairs: list[str]) -> LogSignal:
-    values = numbers(sheet, columns, "time", f"a number or a time like {STAMPS}")
+    values = numbers(sheet, columns, "time", f"a number or a time like {_ANY_TIME}")
     if unit is None and (clock_s := clocks_in_digits(values)) is not None:
         repairs.append("The digits of the time are times of day and were converted to seconds.")
         return LogSignal(past_midnight(clock_s - clock_s[0], repairs), "stamps", "stamps")
@@ -635,8 +633,7 @@ def _are_days(values: Array, named: str | None) -> bool:
 def _from_stamps(sheet: Sheet, columns: Columns, cells: CellColumn, repairs: list[str]) -> Array:
     order, reason = order_of_dates(cells)
     if reason == NO_ORDER:
-        raise cell_error(sheet, columns, "time", 0, "a date that may be day first or month first:",
-                      f"{STAMPS}, or --log-interval with the seconds between two rows")
+        raise cell_error(sheet, columns, "time", 0, "a date that may be day first or month first:", _ANY_TIME)
     if order:
         repairs.append(f"The dates are read with the {order} first{reason}.")
         cells = cells.map(partial(day_first, order=order))

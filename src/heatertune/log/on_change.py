@@ -92,6 +92,9 @@ _REPEATS: Final = 0.02  # share of the readings that may repeat the one before
 _ONE_STEP: Final = 1.6  # times the smallest change: the value had moved by one step when it was written
 _FASTEST: Final = 1.5  # times the fastest change between two readings that follow at once
 _MOST_ROWS: Final = 20_000  # put back
+_NEAR_STEPS: Final = 5
+_FEWEST_REPEATS: Final = 5.0  # to be expected: by chance a sampled log has none in one of 150 cases
+_FLICKER_REPEATS: Final = 0.1  # of the repeats that are to be expected
 
 
 class OnChange(NamedTuple):
@@ -120,7 +123,8 @@ def on_change(time: Array, readings: Array) -> OnChange | None:
     """Return how readings are written on change, None if rows are not only written on change.
 
     They are if hardly any reading repeats the previous one immediately, and if the readings after a long pause have
-    mostly moved by no more than the smallest change. After a gap, a log may have moved by any amount.
+    mostly moved by no more than the smallest change. After a gap, a log may have moved by any amount. Rounded readings
+    that flicker by one step up and down would also repeat as often: if none does, the repeats were not written.
 
     Args:
         time: of each reading, shape (n,) [s].
@@ -139,10 +143,26 @@ def on_change(time: Array, readings: Array) -> OnChange | None:
         return None
     smallest = float(np.percentile(changes[moved], 5.0))
     if float(np.median(changes[long & moved])) > _ONE_STEP * smallest:
-        return None
-    levels = readings / smallest
-    rounded = float(np.mean(np.abs(levels - np.round(levels)) < 0.05)) > 0.9
-    return OnChange(interval, smallest, rounded)
+        smallest = float(np.min(changes[moved]))  # of a sensor's last digit
+        if not _flickers(readings / smallest):
+            return None
+    return OnChange(interval, smallest, _is_rounded(readings / smallest))
+
+
+def _is_rounded(levels: Array) -> bool:
+    return float(np.mean(np.abs(levels - np.round(levels)) < 0.05)) > 0.9
+
+
+def _flickers(levels: Array) -> bool:
+    """Return whether whole steps up and down are so many that repeats can only be absent because they are not written.
+
+    The levels are the readings in steps, shape (n,).
+    """
+    steps = np.round(np.diff(levels))
+    up, down = (np.count_nonzero((sign * steps >= 1.0) & (sign * steps <= _NEAR_STEPS)) for sign in (1.0, -1.0))
+    repeats = min(up, down) / _NEAR_STEPS  # to be expected, as often as any other step near 0
+    return bool(_is_rounded(levels) and repeats >= _FEWEST_REPEATS and (
+        np.count_nonzero(steps == 0.0) < _FLICKER_REPEATS * repeats))
 
 
 def spread(time: Array, readings: Array, written: OnChange, breaks: Array) -> RestoredRows:

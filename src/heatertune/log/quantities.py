@@ -8,7 +8,8 @@ Join numbers whose decimal commas were taken for separators: 12,5,30,0 is 12.5 a
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from itertools import accumulate, combinations, pairwise
 from pathlib import Path
 from typing import Final
@@ -19,11 +20,13 @@ from heatertune.arrays import Array
 from heatertune.errors import LogError
 from heatertune.log.sheet import CellColumn, Grid
 from heatertune.log.timestamps import stamp
+from heatertune.units import count, degF_to_degC, kelvin_to_degC
 
 __all__ = [
-    "FORM_MARKS", "NOTHING", "ROLES", "group_mark", "is_foreign", "is_heated", "is_in_celsius", "is_number",
-    "is_quantity", "is_scaled", "is_second_choice", "is_switch_word", "join_decimals", "on_or_off", "plain_name",
-    "plain_quantities", "role_of", "says_nothing", "unit_in_name", "usual_form", "without_marks",
+    "FORM_MARKS", "NOTHING", "ROLES", "demand_one_unit", "group_mark", "is_foreign", "is_heated", "is_in_celsius",
+    "is_number", "is_quantity", "is_scaled", "is_second_choice", "is_switch_word", "join_decimals", "on_or_off",
+    "plain_name", "plain_quantities", "role_of", "says_nothing", "unit_in_name", "usual_form", "with_common_unit",
+    "without_marks",
 ]
 
 
@@ -157,6 +160,25 @@ def unit_in_name(role: str, name: str) -> str | None:
         return full[2]
     units = (unit for unit, pattern in patterns if pattern.search(lower))
     return next(units, None)
+
+
+def demand_one_unit(file: str, role: str, name: str, borne: str) -> None:
+    """Refuse a column whose name and cells have different units.
+
+    Args:
+        file: its path.
+        role: what the column holds.
+        name: of the column, "" if it has none.
+        borne: unit in its cells.
+
+    Raises:
+        LogError: the units differ.
+    """
+    named, own = unit_in_name(role, name) if name else None, unit_in_name(role, f"[{borne}]")
+    if named is not None and own is not None and named != own:
+        option = {"power": "--power-full-scale", "time": "--time-unit"}.get(role, "--temperature-unit")
+        raise LogError(f"a column named in {named} whose cells are in", file=file, column=name, value=borne,
+                       expected=f"one unit, or {option} {own} if the cells are right")
 
 
 def is_foreign(role: str, name: str) -> bool:
@@ -364,6 +386,83 @@ def plain_quantities(cells: CellColumn, *, decimal_commas: bool | None = None) -
         return text.replace(",", ".") if commas and _COMMA.fullmatch(text) else text
 
     return cells.map(plain), unit.strip("°º") and unit, commas
+
+
+#: canonical unit → its notations, with the encodings that broke the sign of degrees
+_NOTATIONS: Final = {
+    "°C": re.compile(r"(°|º|Â°|\ufffd|\?|deg|grad)? ?C(elsius)?|℃", re.IGNORECASE),
+    "°F": re.compile(r"(°|º|Â°|\ufffd|\?|deg|grad)? ?F(ahrenheit)?|℉", re.IGNORECASE),
+    "K": re.compile(r"°?K(elvin)?", re.IGNORECASE), "%": re.compile(r"%|pct|percent|prozent", re.IGNORECASE)}
+_WRITTEN: Final = re.compile(
+    rf"({_FIGURE}|[-.#]+|err|nan|n/a|null)[ \u00a0\u202f]*[\[(]?([^\d\s.,:+\-\[()\]][^\d\[()\]]*)[\])]?", re.IGNORECASE)
+_TO_CELSIUS: Final[dict[str, Callable[[float], float]]] = {
+    "°C": lambda value: value, "°F": degF_to_degC, "K": kelvin_to_degC}
+_LOOKED_AT: Final = 64  # cells, to see whether any bears a unit
+
+
+def with_common_unit(cells: CellColumn, *, bare: bool) -> tuple[CellColumn, str] | None:
+    """Return cells whose unit is written in one way, and what was done; None if nothing is to be done.
+
+    Several notations of a unit become one. Temperatures in several units become °C. A number without a unit has that
+    of the others, if these have one.
+
+    Args:
+        cells: of a column.
+        bare: whether numbers without a unit may be of the same quantity.
+    """
+    some = cells.at_rows(np.unique(np.linspace(0, len(cells) - 1, _LOOKED_AT).astype(np.intp)))
+    if not any(_unit_of(cell)[1] for cell in some):
+        return None
+    parts = {cell: _unit_of(cell) for cell in cells.kinds()}
+    units = sorted({unit for _, unit in parts.values()} - {""})
+    return _converted(cells, parts, units) if len(units) > 1 else _in_one_notation(cells, parts, units[0], bare=bare)
+
+
+def _converted(
+    cells: CellColumn, parts: Mapping[str, tuple[str, str]], units: Sequence[str]
+) -> tuple[CellColumn, str] | None:
+    """Return temperatures of several units in °C; None of other units, or where numbers without one are among them."""
+    if not _TO_CELSIUS.keys() >= {*units} or np.any(cells.where(_is_bare)):
+        return None
+    note = f"The cells of column {{}} are in {' and '.join(units)}; all were converted to °C."
+    return cells.map(partial(_in_celsius, parts=parts)), note
+
+
+def _in_one_notation(
+    cells: CellColumn, parts: Mapping[str, tuple[str, str]], unit: str, *, bare: bool
+) -> tuple[CellColumn, str] | None:
+    without = int(np.count_nonzero(cells.where(_is_bare)))
+    if without and (not bare or len(cells) - without < _TWO):
+        return None
+    common = cells.map(partial(_in_unit, parts=parts, unit=unit))
+    if without:
+        return common, f"{count(without, 'cell')} of column {{}} without a unit read in {unit}, as the others."
+    return None if list(common.kinds()) == list(cells.kinds()) else (common, "")
+
+
+def _is_bare(cell: str) -> bool:
+    return is_number(cell) and not says_nothing(cell)
+
+
+def _in_celsius(cell: str, parts: Mapping[str, tuple[str, str]]) -> str:
+    figure, unit = parts[cell]
+    if not unit or says_nothing(figure):
+        return figure or cell
+    return f"{_TO_CELSIUS[unit](float(figure.replace(',', '.'))):.12g} °C"
+
+
+def _in_unit(cell: str, parts: Mapping[str, tuple[str, str]], unit: str) -> str:
+    figure, own = parts[cell]
+    if not own and not _is_bare(cell):
+        return cell
+    return figure if says_nothing(figure) and own else f"{figure if own else cell} {unit}"
+
+
+def _unit_of(cell: str) -> tuple[str, str]:
+    """Return the figure of a cell and its unit in the usual notation, "" and "" if it bears no such unit."""
+    match = _WRITTEN.fullmatch(cell)
+    unit = next((unit for unit, notation in _NOTATIONS.items() if match and notation.fullmatch(match[2].strip())), "")
+    return (match[1], unit) if match and unit else ("", "")
 
 
 _MARKED: Final = re.compile(rf"({_FIGURE}) ?(?:[*!#?]|HH?|LL?)")

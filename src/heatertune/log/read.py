@@ -60,6 +60,7 @@ from heatertune.log.log_values import (
 from heatertune.log.on_change import Mask, held_readings, on_change, spread, without_blank_power
 from heatertune.log.power_range import power_of, with_switch
 from heatertune.log.quantities import ROLES, is_scaled, on_or_off, says_nothing
+from heatertune.log.several_heaters import rows_of_one_heater
 from heatertune.log.sheet import Sheet
 from heatertune.log.side_columns import SIDE_ROLES, is_cooling, moving_heaters, quoted
 from heatertune.log.tags import TagSelection, TagTable, by_tags, common_instants, with_power_rows
@@ -272,8 +273,8 @@ def read_log(
 
 def _placed(sheet: Sheet, settings: ReadSettings) -> tuple[TagTable, Sheet, Columns]:
     """Return which tags were selected, the cells, and which column is what."""
-    stated = {role: getattr(settings, f"{role}_column") for role in (*ROLES, *SIDE_ROLES)}
-    wanted = {role: column for role, column in stated.items() if column is not None}
+    columns_of = {role: getattr(settings, f"{role}_column") for role in (*ROLES, *SIDE_ROLES)}
+    wanted = {role: column for role, column in columns_of.items() if column is not None}
     tags = TagSelection(
         temperature=None if sheet.part else settings.tag, power=settings.power_tag, setpoint=settings.setpoint_tag,
         column=settings.tag_column, quality=settings.quality_column, value=settings.temperature_column,
@@ -282,10 +283,11 @@ def _placed(sheet: Sheet, settings: ReadSettings) -> tuple[TagTable, Sheet, Colu
     if tagged.is_long:
         _demand_no_sides(sheet, wanted, tagged.unused)
     sheet = plain_cells(tagged.sheet, settings.decimal_comma) if tagged.is_long else tagged.sheet
-    columns = find_columns(sheet, tagged.wanted or wanted, counted=settings.sample_time_s is not None)
+    columns = find_columns(
+        sheet, tagged.wanted or wanted, counted=settings.sample_time_s is not None, stated=stated_units(settings))
     demand_one_form(sheet, columns, settings.decimal_comma)
-    sheet, columns = with_dates(sheet, columns, None if tagged.is_long else settings.date_column)
-    sheet, columns = with_clock_parts(sheet, columns)
+    sheet = rows_of_one_heater(sheet, columns, settings, is_long=tagged.is_long)
+    sheet, columns = with_clock_parts(*with_dates(sheet, columns, None if tagged.is_long else settings.date_column))
     return tagged, sheet, columns
 
 
@@ -433,8 +435,7 @@ def _handed(source: Any) -> tuple[str, bytes]:
     if not hasattr(source, "read"):
         raise InputError(f"not a log: {type(source).__name__}; expected a path, an open file, or a pandas table")
     content = source.read()
-    name = getattr(source, "name", "file")
-    return str(name), content.encode() if isinstance(content, str) else content
+    return str(getattr(source, "name", "file")), content.encode() if isinstance(content, str) else content
 
 
 def _csv(frame: DataFrame) -> bytes:

@@ -33,6 +33,7 @@ from heatertune.log.quantities import (
     says_nothing,
     unit_in_name,
 )
+from heatertune.log.several_heaters import demand_one_heater_by_name, turn_of, with_heaters_in_tags
 from heatertune.log.sheet import CellColumn, Sheet
 from heatertune.log.side_columns import likely_power, quoted
 from heatertune.log.timestamps import has_zone, stamp
@@ -204,6 +205,8 @@ def by_tags(sheet: Sheet, selection: TagSelection, time_unit: str | None) -> Tag
         LogError: tags or flags that are ambiguous or do not exist.
     """
     sheet = _with_long_header(sheet)
+    if turn_of(selection.temperature) is not None:  # rows are selected by their turn, not by a tag
+        selection = replace(selection, temperature=None, column=NO_COLUMN)
     quality, options = _quality_place(sheet, selection), {}
     good = np.ones(len(sheet), dtype=np.bool_) if quality is None else good_rows(sheet, quality)
     if quality is not None:
@@ -212,8 +215,12 @@ def by_tags(sheet: Sheet, selection: TagSelection, time_unit: str | None) -> Tag
         options["quality_column"] = NO_COLUMN
     tag, value = places(sheet, selection)
     if tag is not None and value is not None:
-        return _pivoted(sheet, selection, tag, value, good, time_unit, options)
+        return _pivoted(with_heaters_in_tags(sheet, tag), selection, tag, value, good, time_unit, options)
     _demand_long(sheet, selection)
+    if selection.column == NO_COLUMN:
+        options["tag_column"] = NO_COLUMN
+    elif selection.temperature is None:
+        demand_one_heater_by_name(sheet)
     if selection.temperature is not None:
         own_tag = None if selection.column is None else tag
         sheet, good, tag_options = _one_tag(sheet, selection.temperature, own_tag, good)
@@ -247,7 +254,7 @@ _SAMPLE_ROWS: Final = 50
 def _demand_long(sheet: Sheet, selection: TagSelection) -> None:
     """Refuse options for a long table that would have no effect."""
     unheard = [_OPTIONS[role] for role in _ROLES[1:] if getattr(selection, role) is not None]
-    if selection.column is not None and selection.temperature is None:
+    if selection.column not in (None, NO_COLUMN) and selection.temperature is None:
         unheard.append("--tag-column without --tag")
     if unheard:
         raise LogError(f"no long table (tag, time, value), so {unheard[0]} means nothing", file=sheet.file,
@@ -266,7 +273,7 @@ def places(sheet: Sheet, selection: TagSelection) -> tuple[int | None, int | Non
     """Return the columns of the tags and, in a long table, of their values."""
     named = [i for i, name in enumerate(sheet.header) if _TAG.fullmatch(plain_name(name))]
     tag = next((i for i in named if _repeats(sheet, i)), None) if selection.column is None else (
-        choose_column(sheet, "tag", selection.column))
+        None if selection.column == NO_COLUMN else choose_column(sheet, "tag", selection.column))
     values = [i for i, name in enumerate(sheet.header) if i != tag and _VALUE.fullmatch(plain_name(name))]
     others = [name for i, name in enumerate(sheet.header) if i not in (tag, *values)]
     is_wide = {"temperature", "power"} & set(map(role_of, others))

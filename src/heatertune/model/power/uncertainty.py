@@ -106,7 +106,7 @@ def _vectors(problem: PowerProblem, periods: Array, lags: Array, ratios: Array) 
     side by side.
     """
     lag, ratio = (np.reshape(grid, (-1, len(periods))) for grid in np.broadcast_arrays(lags[:, None], ratios[None]))
-    omega = 2.0 * np.pi / np.maximum(periods, 1e-300)
+    omega = 2.0 * np.pi / np.maximum(periods, 1e-200)  # its product with any lag of a log is still a number
     turned = np.arctan(omega * np.exp(lag)) + np.arctan(omega * np.exp(lag) * ratio)
     z = np.stack([lag, (np.pi - turned) / omega, ratio], axis=-1)
     return z, np.all((z >= problem.low - 1e-12) & (z <= problem.high + 1e-12), axis=-1)
