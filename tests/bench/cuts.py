@@ -25,9 +25,8 @@ from heatertune import virtual_plc
 from heatertune.errors import HeatertuneError, LinkError
 from heatertune.live import hold, recorder
 from heatertune.live.client.connection import address_of
-from heatertune.live.experiment import Experiment, restore
+from heatertune.live.experiment import AbortLimits, Experiment, Steps, restore
 from heatertune.live.hold import Hold
-from heatertune.live.schedule import AbortLimits, Steps
 from heatertune.live.serve import read_folder
 from heatertune.live.write import writer
 from heatertune.live.write.apply import WriteRequest, apply_write

@@ -17,8 +17,7 @@ from tests.live.modbus_device import Device
 from heatertune.errors import HeatertuneError
 from heatertune.live import hold
 from heatertune.live.client.connection import address_of
-from heatertune.live.experiment import Experiment
-from heatertune.live.schedule import AbortLimits, Steps
+from heatertune.live.experiment import AbortLimits, Experiment, Steps
 from heatertune.live.write.apply import WriteRequest, apply_write
 from heatertune.live.write.plc_block import LinkSettings
 from heatertune.live.write.proven_words import Declared, read_proven

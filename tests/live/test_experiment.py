@@ -19,9 +19,17 @@ from tests.live.test_recorder import rows_of
 from heatertune import InputError
 from heatertune.cli import main
 from heatertune.errors import DocumentError, OutOfRange
-from heatertune.live.experiment import Experiment, ExperimentObserver, restore
+from heatertune.live.experiment import (
+    AbortLimits,
+    Aims,
+    Experiment,
+    ExperimentObserver,
+    RelaySchedule,
+    Steps,
+    read_plan,
+    restore,
+)
 from heatertune.live.hold import Hold
-from heatertune.live.schedule import AbortLimits, Aims, RelaySchedule, Steps, read_plan
 from heatertune.model.statistics import Interval
 
 FAST = {"step": False, "rate": 2000.0, "dead_man": 3000}

@@ -15,10 +15,9 @@ from heatertune.errors import InputError, LinkError, PlcRefused, ReplyLost
 from heatertune.live import hold as module
 from heatertune.live.client.connection import address_of, connect
 from heatertune.live.controller_block import block_for, places_of
-from heatertune.live.experiment import Experiment, ExperimentObserver, restore
+from heatertune.live.experiment import AbortLimits, Experiment, ExperimentObserver, Steps, restore
 from heatertune.live.hold import Clock, Hold, WayBackPart, new_way_back
 from heatertune.live.poller import Poller
-from heatertune.live.schedule import AbortLimits, Steps
 from heatertune.live.write.band import Reach
 from heatertune.live.write.plc_block import LinkSettings, Peer, block_image
 from heatertune.live.write.write_record import Budget, WriteRecord

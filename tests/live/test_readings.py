@@ -11,11 +11,10 @@ from tests.live.conftest import hasty_clock
 
 from heatertune.errors import InputError
 from heatertune.live.client.connection import address_of
-from heatertune.live.experiment import Experiment
+from heatertune.live.experiment import AbortLimits, Experiment, Steps
 from heatertune.live.loop_watch import BandWatch
 from heatertune.live.poller import Snapshot as Seen
 from heatertune.live.poller import StillSensor, reading_problem
-from heatertune.live.schedule import AbortLimits, Steps
 from heatertune.live.write.band import Reach, RiseWatch, watch_response
 from heatertune.live.write.plc_block import BlockSnapshot, block_image
 from heatertune.live.write.proven_words import read_proven

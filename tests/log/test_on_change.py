@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from heatertune.errors import LogError
 from heatertune.log import read_log
-from heatertune.log.on_change import held_readings, on_change, spread
+from heatertune.log.partial_rows import held_readings, on_change, spread
 
 
 def oven(n=600):

@@ -57,10 +57,9 @@ from heatertune.log.log_values import (
     ReadSummary,
     built_in,
 )
-from heatertune.log.on_change import Mask, held_readings, on_change, spread, without_blank_power
+from heatertune.log.partial_rows import Mask, held_readings, on_change, rows_of_one_heater, spread, without_blank_power
 from heatertune.log.power_range import power_of, with_switch
 from heatertune.log.quantities import ROLES, is_scaled, on_or_off, says_nothing
-from heatertune.log.several_heaters import rows_of_one_heater
 from heatertune.log.sheet import Sheet
 from heatertune.log.side_columns import SIDE_ROLES, is_cooling, moving_heaters, quoted
 from heatertune.log.tags import TagSelection, TagTable, by_tags, common_instants, with_power_rows

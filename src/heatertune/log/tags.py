@@ -20,7 +20,14 @@ import numpy.typing as npt
 from heatertune.arrays import Array
 from heatertune.errors import LogError
 from heatertune.log.columns import NO_COLUMN, Columns, choose_column, find_columns, seconds, with_dates
-from heatertune.log.on_change import good_rows, is_quality, on_change
+from heatertune.log.partial_rows import (
+    demand_one_heater_by_name,
+    good_rows,
+    is_quality,
+    on_change,
+    turn_of,
+    with_heaters_in_tags,
+)
 from heatertune.log.quantities import (
     is_number,
     is_quantity,
@@ -33,7 +40,6 @@ from heatertune.log.quantities import (
     says_nothing,
     unit_in_name,
 )
-from heatertune.log.several_heaters import demand_one_heater_by_name, turn_of, with_heaters_in_tags
 from heatertune.log.sheet import CellColumn, Sheet
 from heatertune.log.side_columns import likely_power, quoted
 from heatertune.log.timestamps import has_zone, stamp

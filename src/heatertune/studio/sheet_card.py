@@ -24,7 +24,7 @@ from heatertune.log import read_log
 from heatertune.log.cells import plain_cells, read_sheet
 from heatertune.log.columns import NO_COLUMN, find_columns, with_names
 from heatertune.log.log_values import Log
-from heatertune.log.on_change import is_quality
+from heatertune.log.partial_rows import is_quality
 from heatertune.log.quantities import role_of
 from heatertune.log.sheet import Sheet
 from heatertune.log.tags import TagSelection, places

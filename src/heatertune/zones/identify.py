@@ -19,8 +19,7 @@ from heatertune.log.log_values import ABSOLUTE_ZERO_DEGC, MIN_SAMPLES
 from heatertune.model.findings import Finding
 from heatertune.model.statistics import Interval, sensor_step
 from heatertune.zones.network import ThermalNetwork, ZonePower, neighbours
-from heatertune.zones.network_fit import NetworkFit, NetworkProblem, ParameterLayout, most_below
-from heatertune.zones.shared_supply import fit_supply
+from heatertune.zones.network_fit import NetworkFit, NetworkProblem, ParameterLayout, fit_supply, most_below
 
 __all__ = ["FittedNetwork", "ParameterLayout", "ZoneLog", "fit_network", "network_by_hand"]
 

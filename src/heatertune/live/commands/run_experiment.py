@@ -19,9 +19,8 @@ from heatertune.live.client.connection import address_of
 from heatertune.live.commands.record_watch import ALL_SIGNALS, end_requests, live_line, tell
 
 if TYPE_CHECKING:
-    from heatertune.live.experiment import Experiment, ExperimentResult
+    from heatertune.live.experiment import Aims, Experiment, ExperimentResult
     from heatertune.live.recorder import RecordingState
-    from heatertune.live.schedule import Aims
     from heatertune.live.write.band import Reach
 
 __all__ = ["EXPERIMENT_EXAMPLE", "add_experiment"]
@@ -72,8 +71,7 @@ def _run_experiment(settings: argparse.Namespace) -> int:
     if None in (settings.plan, settings.address, settings.out):
         raise InputError("experiment needs PLAN, ADDRESS, -o FILE and --limit-temperature")
     settings.limit_temperature = _limit_degC(settings)
-    from heatertune.live.experiment import Experiment, ExperimentObserver
-    from heatertune.live.schedule import AbortLimits, read_plan
+    from heatertune.live.experiment import AbortLimits, Experiment, ExperimentObserver, read_plan
 
     plan, address, aims = read_plan(settings.plan), address_of(settings.address), _aims(settings.until)
     limits = AbortLimits(temperature_degC=settings.limit_temperature, rate_degC_per_min=settings.limit_rate)
@@ -123,7 +121,7 @@ def _reach(folder: str) -> Reach | None:
 
 
 def _aims(said: list[str]) -> Aims:
-    from heatertune.live.schedule import Aims
+    from heatertune.live.experiment import Aims
 
     shares = {}
     for text in said:
