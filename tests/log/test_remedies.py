@@ -138,7 +138,7 @@ CASES = (
          name="klippy.log"),
     Case("formats/printer_logs._serial", serial(), ("--tag T --log-interval 2", "--tag B --log-interval 2"), name="serial.log"),
     Case("formats/printer_logs._serial", serial([22.0 + 0.1 * (k % 5) for k in range(ROWS)]), ("--tag B",), stated="--log-interval 2", notes=True, name="serial.log"),
-    Case("on_change.good_rows", table(f"{HEAD},Quality", S, T, P, [7 + k % 2 for k in range(ROWS)]), ("--quality-column none",)),
+    Case("partial_rows.good_rows", table(f"{HEAD},Quality", S, T, P, [7 + k % 2 for k in range(ROWS)]), ("--quality-column none",)),
     Case("power_range._refuse_readings", table("time [s],Temp [°C],xyz", S, T, WANDERS), ("--power-column xyz", "-power-full-scale"),
          stated="--power-full-scale 255"),
     Case("power_range._refuse_readings", table("time [s],Temp [°C],xyz", S, T, WANDERS), ("--power-column xyz", "-power-levels"), stated="--power-levels 4 20"),
