@@ -290,7 +290,9 @@ def test_general_limits_are_used():
 
 
 @pytest.mark.parametrize(("gain", "product", "whole", "counts"), [
-    (8.0, 0.4, True, 2), (8.0, 0.4, False, 0), (1.0, 0.4, True, 2), (1.0, 0.048, True, 20), (0.5, 0.048, True, 20)])
+    (8.0, 0.4, True, 2), (8.0, 0.4, False, 0), (1.0, 0.4, True, 2), (1.0, 0.048, True, 20), (0.5, 0.048, True, 20),
+    # with a quarter of the range as error the P part alone reaches the limit and holds the integral: it was tried without end
+    (3.93, 0.0499, True, 20), (3.93, 0.0499, False, 0)])
 def test_an_error_whose_increment_is_below_one_stays(gain, product, whole, counts):
     """K·TI of 0.4 moves the output by 0.4 for a count of error: whole increments leave two counts, remainders none."""
     words = separate((8.0,), (80.0,), "s5-ob251", 3.2).words[0]

@@ -56,6 +56,7 @@ _ORDERS: Final = 100  # of the zones' pulses tried at random
 _MIDDLE_PCT: Final = 40.0  # power from which on an error may move it to both sides
 _FREE_PCT: Final = 2.0  # from a limit of the power: nearer, it may stay for that reason
 _FADING: Final = 10  # scans after which P and D parts stay
+_MOST_TRIES: Final = 1000  # of moving the power to the middle
 _STAYS: Final = 300  # scans without a change of the power: such an error is never corrected
 _OF_RANGE: Final = 0.25  # of the sensor's counts: larger errors are not tried
 
@@ -220,14 +221,18 @@ class _Integral:
         """Return a state in which the integral part gives a power in the middle; None: no error moves it there."""
         state, power = self._own.core.cold_start(self._own.parameters, self._own.core.own(self._own.state)), 0.0
         counts, scans = 1, _FADING
-        while power < _MIDDLE_PCT:
+        for _ in range(_MOST_TRIES):
             before = power
-            state, _ = self._run(state, -counts, scans)
+            state, pushed = self._run(state, -counts, scans)
             state, power = self._run(state, 0, _FADING)
-            if scans > _STAYS and power == before:
-                return None
-            counts, scans = min(2 * counts, self._limit), 2 * scans if counts == self._limit else scans
-        return state
+            is_held = pushed >= 100.0 and scans > _STAYS  # by the limit, which the P part alone reaches
+            if power >= _MIDDLE_PCT or (scans > _STAYS and power == before and (counts == 1 or not is_held)):
+                break
+            if is_held:
+                counts = max(counts // 2, 1)
+            else:
+                counts, scans = min(2 * counts, self._limit), 2 * scans if counts == self._limit else scans
+        return state if power >= _MIDDLE_PCT else None
 
     def stays(self, counts: int) -> bool:
         """Return whether an error of so many counts of the sensor, on either side, leaves the power where it is."""
