@@ -222,17 +222,19 @@ class _Integral:
         state, power = self._own.core.cold_start(self._own.parameters, self._own.core.own(self._own.state)), 0.0
         counts, scans = 1, _FADING
         for _ in range(_MOST_TRIES):
-            before = power
-            state, pushed = self._run(state, -counts, scans)
+            before, (state, pushed) = power, self._run(state, -counts, scans)
             state, power = self._run(state, 0, _FADING)
-            is_held = pushed >= 100.0 and scans > _STAYS  # by the limit, which the P part alone reaches
-            if power >= _MIDDLE_PCT or (scans > _STAYS and power == before and (counts == 1 or not is_held)):
+            following = self._next_push(counts, scans, pushed)
+            if power >= _MIDDLE_PCT or (scans > _STAYS and power == before and following[0] >= counts):
                 break
-            if is_held:
-                counts = max(counts // 2, 1)
-            else:
-                counts, scans = min(2 * counts, self._limit), 2 * scans if counts == self._limit else scans
+            counts, scans = following
         return state if power >= _MIDDLE_PCT else None
+
+    def _next_push(self, counts: int, scans: int, power: float) -> tuple[int, int]:
+        """Return error and scans to try next; smaller where the P part alone reaches the limit, which holds the sum."""
+        if power >= 100.0 and scans > _STAYS:
+            return max(counts // 2, 1), scans
+        return min(2 * counts, self._limit), 2 * scans if counts == self._limit else scans
 
     def stays(self, counts: int) -> bool:
         """Return whether an error of so many counts of the sensor, on either side, leaves the power where it is."""
