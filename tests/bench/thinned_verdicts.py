@@ -1,7 +1,8 @@
 """No way to write a log gives a better verdict than its plain rows: real and drawn logs in the ways of `thinning.py`.
 
 A log that is thinned, late, averaged or in two files holds no more than its plain rows. Where these are blocked, a form
-of the log that passes has lost what blocks them.
+of the log that passes has lost what blocks them. Readings that stand for a while leave the heater what it is: of such a
+loop only a PASS on intervals that miss the heater counts; the plain rows may be blocked for a reason that is none.
 
     python -m tests.bench.thinned_verdicts real [WORD]        the real logs, or those with this word in their names
     python -m tests.bench.thinned_verdicts [COUNT] [FIRST]    so many drawn loops with a fault that no log shows, from a seed on
@@ -26,6 +27,7 @@ from heatertune.model.model_values import FittedModel
 from heatertune.proof.design_request import DesignRequest
 from heatertune.proof.redesign import find_passing_design
 from tests.bench import thinning
+from tests.bench.on_change import Case, missed
 from tests.bench.thinning import Rows
 
 TARGET = "fb41"
@@ -38,11 +40,12 @@ class Outcome:
 
     verdict: str
     reason: str
+    missed: tuple[str, ...] = ()
 
 
-def outcome_of(texts: list[str], folder: Path, **stated: Any) -> Outcome:
+def outcome_of(texts: list[str], folder: Path, truth: Case | None = None, **stated: Any) -> Outcome:
     """Return the verdict on a log in one file, or in two, within `thinning.BOUND_S` of processor time."""
-    outcome = thinning.bounded(lambda: designed(thinning.fitted(texts, folder, **stated)), thinning.BOUND_S)
+    outcome = thinning.bounded(lambda: designed(thinning.fitted(texts, folder, **stated), truth), thinning.BOUND_S)
     if isinstance(outcome, str):
         verdict, _, reason = outcome.partition(": ")
         return Outcome(verdict=verdict, reason=reason)
@@ -50,7 +53,7 @@ def outcome_of(texts: list[str], folder: Path, **stated: Any) -> Outcome:
     return outcome
 
 
-def designed(model: FittedModel) -> Outcome:
+def designed(model: FittedModel, truth: Case | None) -> Outcome:
     """Return the verdict on a controller designed for a heater; what blocks a fit needs no design to be known."""
     if thinning.blocks(model):
         return Outcome(verdict=BLOCKED, reason=" ".join(thinning.blocks(model)))
@@ -58,15 +61,18 @@ def designed(model: FittedModel) -> Outcome:
         proof = find_passing_design(model, DesignRequest(target=TARGET)).proof
     reasons = [each.name for each in proof.criteria if not each.ok]
     reasons += [each.name for each in proof.diagnostics.findings if each.kind.effect == "blocks"]
-    return Outcome(verdict=proof.verdict, reason=" ".join(reasons))
+    misses = [] if truth is None else missed(truth, model, 2.0 * truth.poll_s)  # a row late, or the mean of one
+    return Outcome(verdict=proof.verdict, reason=" ".join(reasons), missed=tuple(misses))
 
 
 #: what happens in a drawn loop that its log does not show
 FAULTS = ("neighbour", "door", "radiation", "opened", "frozen", "drift")
 
 
-def drawn_loop(seed: int) -> tuple[str, Rows]:
-    """Return the name and the rows of a PI loop with a fine, noisy reading and something that its log does not show.
+def drawn_loop(seed: int) -> tuple[str, Rows, Case | None]:
+    """Return name, rows and heater of a PI loop with a fine, noisy reading and something that its log does not show.
+
+    The heater is None where it is not the same throughout.
 
     "neighbour": an unlogged heater is switched; "door": twice the loss for a while; "radiation": a loss that grows with the
     temperature; "opened": no heat for a while; "frozen": readings stand for a while; "drift": the room warms.
@@ -99,24 +105,26 @@ def drawn_loop(seed: int) -> tuple[str, Rows]:
             x += poll / scans / lag * (gain * (pipe.pop(0) + (25.0 if fault == "neighbour" and during else 0.0)) - loss)
     time_s, power_pct = np.arange(rows) * poll, np.array(powers)
     changed = np.concatenate([[True], np.diff(power_pct) != 0.0])
-    return f"loop {seed} {fault}", Rows(time_s=time_s, temperature_degC=np.array(readings), power_s=time_s[changed],
-                                       power_pct=power_pct[changed])
+    truth = Case(gain=gain, time_constant_s=lag, second_s=0.0, dead_time_s=dead * poll / scans, ambient_degC=ambient,
+                 plan=(), end_s=rows * poll, poll_s=poll, step_degC=0.0)
+    return (f"loop {seed} {fault}", Rows(time_s=time_s, temperature_degC=np.array(readings), power_s=time_s[changed],
+                                         power_pct=power_pct[changed]), truth if fault == "frozen" else None)
 
 
-def drawn_loops(count: int, first: int) -> Iterator[tuple[str, Rows]]:
-    """Yield name and rows of drawn loops."""
+def drawn_loops(count: int, first: int) -> Iterator[tuple[str, Rows, Case | None]]:
+    """Yield name, rows and heater of drawn loops."""
     yield from (drawn_loop(seed) for seed in range(first, first + count))
 
 
-def main(cases: Iterable[tuple[str, Rows]], folder: Path) -> int:
+def main(cases: Iterable[tuple[str, Rows, Case | None]], folder: Path) -> int:
     """Print the verdict on each log in each of its forms; return how many are better than that on its plain rows."""
     tally, better = Counter[str](), 0
-    for name, rows in cases:
+    for name, rows, truth in cases:
         plain = None
         for writer in thinning.WRITERS:
-            outcome = outcome_of(writer(rows), folder, **thinning.FIT.get(name, {}))
+            outcome = outcome_of(writer(rows), folder, truth, **thinning.FIT.get(name, {}))
             plain = plain or outcome
-            is_better = outcome.verdict == PASS and plain.verdict != PASS
+            is_better = outcome.verdict == PASS and plain.verdict != PASS and (truth is None or bool(outcome.missed))
             better += is_better
             tally[f"{writer.__name__}: {outcome.verdict}"] += 1
             print(f"{name} {writer.__name__} {outcome.verdict}{' BETTER THAN ITS PLAIN ROWS' if is_better else ''} {outcome.reason}", flush=True)
@@ -131,5 +139,5 @@ def main(cases: Iterable[tuple[str, Rows]], folder: Path) -> int:
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as made:
         if sys.argv[1:2] == ["real"]:
-            sys.exit(min(main(((name, rows) for name, rows, _ in thinning.real_rows([*sys.argv, ""][2])), Path(made)), 1))
+            sys.exit(min(main(((name, rows, None) for name, rows, _ in thinning.real_rows([*sys.argv, ""][2])), Path(made)), 1))
         sys.exit(min(main(drawn_loops(int([*sys.argv, 12][1]), int([*sys.argv, 0, 0][2])), Path(made)), 1))
