@@ -1,8 +1,9 @@
 """Hostile exports of one known heater, which no tool writes on purpose: is any read into another heater?
 
-    python -m tests.bench.hostile_exports [--only NAME] [--verbose] [--draw N] [--devices] [--sheet]
+    python -m tests.bench.hostile_exports [--only NAME] [--verbose] [--draw N] [--devices | --tools] [--sheet]
 
---devices: those of `hostile_devices` alone. --sheet: through the studio's sheet for a dropped file in place of the command line.
+--devices: those of `hostile_devices` alone; --tools: those of `tool_exports`, which `messy` judges. --sheet: through the
+studio's sheet for a dropped file in place of the command line.
 
 Each goes through `messy.judge`: a message is followed by what the user of this heater knows. A wrong heater, an
 accusation that is false and a traceback are failures; a refusal without a way on is counted and shown.
@@ -24,14 +25,26 @@ from pathlib import Path
 from typing import Any
 
 from heatertune.errors import HeatertuneError
-from heatertune.model.fit import fit
 from heatertune.model.model_document import to_document
 from heatertune.options import options_of
 from heatertune.settings import ReadSettings
+from heatertune.studio.session import fit_log
 from heatertune.studio.sheet_card import DroppedFile, sheet
 from heatertune.studio.wording import for_page
 from tests.bench import tool_exports
-from tests.bench.messy import _TURNS, ACCUSED, CLASSES, REMEDY, RIGHT, STUCK, WRONG, asked_for, is_right, judge
+from tests.bench.messy import (
+    _TURNS,
+    ACCUSED,
+    CLASSES,
+    REMEDY,
+    RIGHT,
+    STUCK,
+    WRONG,
+    _units,
+    asked_for,
+    is_right,
+    judge,
+)
 from tests.bench.tool_exports import START, Export, Run, comma, iso, point, redraw, steps, table, text
 
 WRITERS: list[tuple[str, Callable[[Run], tuple[Any, ...]]]] = []
@@ -444,17 +457,21 @@ def outcome_on_sheet(export: Export) -> tuple[str, list[str]]:
         if not question:
             log, known = dropped.to_log()
             try:
-                model = json.loads(json.dumps(to_document(fit(log, known))))
+                fitted = fit_log(log, settings=known)
+                model = json.loads(json.dumps(to_document(fitted)))
             except HeatertuneError as problem:
                 question = str(problem)
             else:
                 right = is_right(model, export)
                 findings = " ".join(finding["name"] for finding in model["findings"])
                 said.append(f"{model['gain_degC_per_pct']} {model['time_constant_s']} {model['dead_time_s']} {findings}")
-                blocked = any(finding.kind.effect == "blocks" for finding in fit(log, known).findings)
-                return (REMEDY if turn else RIGHT) if right else OPEN if blocked or right is None else WRONG, said
+                blocked = any(finding.kind.effect == "blocks" for finding in fitted.findings)
+                is_told = right is None and export.true_fault in findings.split()
+                return (REMEDY if turn else RIGHT) if right or is_told else OPEN if blocked or right is None else WRONG, said
             said.append(question)
         words = asked_for(question, export, typed)
+        if question == assumed:  # the sheet shows the reader's notes beside what it assumed
+            words = _units(question, " ".join(dropped.log.repairs), export, typed) or words
         if not words:
             return STUCK, said
         typed += words
@@ -474,15 +491,17 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--draw", type=int, default=0)
     parser.add_argument("--verbose", action="store_true")
     parser.add_argument("--devices", action="store_true")
+    parser.add_argument("--tools", action="store_true")
     parser.add_argument("--sheet", action="store_true")
     asked = parser.parse_args(arguments)
     redraw(asked.draw)
     counts: Counter[str] = Counter()
     with tempfile.TemporaryDirectory() as folder:
-        for export in exports(asked.only, importlib.import_module("tests.bench.hostile_devices").WRITERS if asked.devices else WRITERS):
+        writers = importlib.import_module("tests.bench.hostile_devices").WRITERS if asked.devices else WRITERS
+        for export in tool_exports.exports(asked.only, None) if asked.tools else exports(asked.only, writers):
             outcome, said = outcome_on_sheet(export) if asked.sheet else outcome_of(export, Path(folder))
             counts[outcome] += 1
-            print(f"{export.tool}: {outcome}", flush=True)
+            print(f"{export.tool}, {export.level}: {outcome}", flush=True)
             if asked.verbose or outcome in (WRONG, ACCUSED, STUCK):
                 print("  " + "\n  ".join(said))
     print(f"{counts.total()} exports: " + ", ".join(f"{counts[outcome]} {outcome}" for outcome in (*CLASSES, OPEN)))
