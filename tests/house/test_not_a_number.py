@@ -19,7 +19,7 @@ _WHOLE = {"count", "number", "start", "port", "length", "begin", "end", "size", 
 KNOWN = {
     ("recorder.py", "time.monotonic() > last_s"): "this machine's clock",
     ("recorder.py", "self.last_s > self._latest_s"): "read from rows that were written as numbers",
-    ("schedule.py", "now_s > first_s"): "times of looks, which are counted or of this machine's clock",
+    ("experiment.py", "now_s > first_s"): "times of looks, which are counted or of this machine's clock",
     ("poller.py", "self._places.span[1] > self._client.most"): "bytes",
 }
 

@@ -136,6 +136,9 @@ def test_the_second_zone_is_ten_blocks_or_a_hundred_registers_further(serve):
     assert client.connect()
     other = snap7.Client()
     other.connect(s7_host, 0, 2, s7_port)
+    for _ in range(10_000):  # until the first scan
+        if client.read_holding_registers(2, count=1, device_id=1).registers[0]:
+            break
     for number, first, zone in ((100, 0, 0), (110, 100, 1)):
         registers = client.read_holding_registers(first, count=18, device_id=1).registers
         cells = other.db_read(number, 0, 36)

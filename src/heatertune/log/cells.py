@@ -388,16 +388,20 @@ def _written_lines(text: str, skip_rows: int) -> tuple[NumberedLines, int, int]:
     if "\r" in text:
         text = text.replace("\r\n", "\n").replace("\r", "\n")
     breaks = line_breaks(text)
-    begins, ends = np.append(0, breaks + 1)[skip_rows:], np.append(breaks, len(text))[skip_rows:]
+    begins = np.concatenate([np.zeros(1, breaks.dtype), breaks + 1])[skip_rows:]
+    ends = np.concatenate([breaks, np.full(1, len(text), breaks.dtype)])[skip_rows:]
     if len(begins) and begins[-1] == len(text):
         begins, ends = begins[:-1], ends[:-1]
-    lines = NumberedLines(np.arange(skip_rows + 1, skip_rows + 1 + len(begins)), TextParts(text, begins, ends))
+    has_text = ends > begins
+    numbers = skip_rows + 1 + np.flatnonzero(has_text)
+    lines = NumberedLines(numbers, TextParts(text, begins[has_text], ends[has_text]))
+    blank = len(ends) - len(lines)
     written = lines.where(lambda line: _CONTROL.search(line) is None) if _is_damaged(text) else lines
     kept = written.where(lambda line: line.strip(" \t,;") != "")
     if "#" in text:
         is_comment = np.fromiter((line.startswith("#") for line in kept.texts), dtype=np.bool_, count=len(kept))
         kept = kept.at_rows(~(is_comment & np.append(is_comment[1:], False)))
-    return kept, len(written) - len(kept), len(lines) - len(written)
+    return kept, len(written) - len(kept) + blank, len(lines) - len(written)
 
 
 def _is_damaged(text: str) -> bool:

@@ -240,8 +240,9 @@ class _Writer:
 
 def line_breaks(text: str) -> Rows:
     """Return the places of the line breaks in a text, shape (n,)."""
-    return np.concatenate([np.flatnonzero(np.frombuffer(
-        text[k:k + _SEARCHED].encode("utf-32-le", "surrogatepass"), dtype="<u4") == ord("\n")) + k
+    kind = np.uint32 if len(text) < 1 << 32 else np.int64
+    return np.concatenate([(np.flatnonzero(np.frombuffer(
+        text[k:k + _SEARCHED].encode("utf-32-le", "surrogatepass"), dtype="<u4") == ord("\n")) + k).astype(kind)
         for k in range(0, len(text) + 1, _SEARCHED)])
 
 

@@ -50,7 +50,7 @@ def run(settings: argparse.Namespace) -> int:
     request = with_printer_range(request, float(np.max(hottest)))
     progress("fitting the network of all zones")
     part = options.of(FitSettings, settings)
-    fitted = fit_network(log, structure=settings.neighbours, from_s=part.from_s, until_s=part.until_s)
+    fitted = fit_network(log.part(part.from_s, part.until_s), structure=settings.neighbours)
     progress("tuning and proving all zones together")
     proof = design_zones(
         fitted, request.target, scaling=request.scaling, structure=request.tune_settings.structure,
