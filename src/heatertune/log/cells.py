@@ -572,7 +572,7 @@ def plain_cells(sheet: Sheet, decimal_comma: str | None = None) -> Sheet:
         sheet: the cells.
         decimal_comma: columns with decimal commas, by number (1 = first) or name, with commas between them; "none".
     """
-    units, commas, repairs = [], False, list(sheet.repairs)
+    units, commas, repairs, bare = [], False, list(sheet.repairs), not _names_rows(sheet)
     stated = None if decimal_comma is None else {part.strip() for part in decimal_comma.split(",")}
     for i, (name, cells) in enumerate(zip(sheet.names(), sheet.columns, strict=True)):
         comma, shown = None, f"'{name}'" if sheet.header else name
@@ -582,7 +582,7 @@ def plain_cells(sheet: Sheet, decimal_comma: str | None = None) -> Sheet:
             sheet = sheet.with_column(i, unmarked)
             repairs.append(f"The marks behind some numbers of column {shown} were left out.")
         column = cells if unmarked is None else unmarked
-        if (common := with_common_unit(column, bare=not _names_rows(sheet))) is not None:
+        if (common := with_common_unit(column, bare=bare)) is not None:
             column = common[0]
             sheet = sheet.with_column(i, column)
             repairs.extend(filter(None, [common[1].format(shown)]))
