@@ -601,8 +601,8 @@ def plain_cells(sheet: Sheet, decimal_comma: str | None = None) -> Sheet:
 
 def _names_rows(sheet: Sheet) -> bool:
     """Return whether a column of a few words may say what the values of a row are: a long table."""
-    return any(1 < column.levels() <= len(column) // 4 and not any(
-        is_number(cell) or is_quantity(cell) for cell in column[:_SOME]) for column in sheet.columns)
+    return any(not any(is_number(cell) or is_quantity(cell) for cell in column[:_SOME])
+               and 1 < column.levels() <= len(column) // 4 for column in sheet.columns)
 
 
 _SOME: Final = 5
