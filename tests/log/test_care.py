@@ -237,3 +237,20 @@ def test_the_option_that_an_error_names_leaves_out_rows_of_another_length(tmp_pa
     with pytest.raises(LogError, match="--skip-empty leaves out such rows"):
         _read(tmp_path, rows)
     assert len(_read(tmp_path, rows, skip_empty=True).time_s) == 96
+
+
+@pytest.mark.parametrize("cells", [("20", "25"), ("−5 °C", "20 °F"), ("1 234 °C", "2 000 °F")])
+def test_a_temperature_of_two_values_in_turns_is_read_or_refused(tmp_path, cells):
+    """Every step is then one to an end of the range: none is left to compare it with."""
+    path = tmp_path / "turns.csv"
+    rows = (f"{row};{cells[row % 2]};{50 if row > 20 else 0}" for row in range(60))
+    path.write_text("\n".join(["time_s;temp;power %", *rows]), encoding="utf-8")
+    assert len(read_log(path, temperature_unit="degC").time_s) == 60
+
+
+def test_marks_in_place_of_a_temperature_in_one_of_two_units_are_refused_in_one_line(tmp_path):
+    path = tmp_path / "marks.csv"
+    rows = (f"{row};{'#### °C' if row == 30 else ('20 °C', '70 °F')[row % 2]};{50 if row > 20 else 0}" for row in range(60))
+    path.write_text("\n".join(["time_s;temp;power %", *rows]), encoding="utf-8")
+    with pytest.raises(LogError, match="column temp: a unit that not all cells bear"):
+        read_log(path)

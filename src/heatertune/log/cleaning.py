@@ -435,7 +435,8 @@ def _stuck(values: Array, time: Array) -> Mask:
         if not len(edges) or len(others) < MIN_SAMPLES or (there[0] and not end < others[0] < others[-1]):
             continue
         lengths = np.diff([*([-1] if there[0] else []), *edges.tolist(), n - 1])[::2]
-        least = max(_ALONE_TIMES * float(np.delete(steps, edges).max()), _SPIKE_SHARE * float(np.ptp(others)))
+        most = float(np.max(np.delete(steps, edges), initial=0.0))
+        least = max(_ALONE_TIMES * most, _SPIKE_SHARE * float(np.ptp(others)))
         at_once = np.all(pauses[edges] <= _PAUSE_TIMES * np.median(pauses))
         if at_once and lengths.min() >= _SHORTEST_STAND and steps[edges].min() > least:
             stuck |= there

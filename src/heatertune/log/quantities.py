@@ -446,7 +446,7 @@ def _is_bare(cell: str) -> bool:
 
 def _in_celsius(cell: str, parts: Mapping[str, tuple[str, str]]) -> str:
     figure, unit = parts[cell]
-    if not unit or says_nothing(figure):
+    if not unit or not any(map(str.isdigit, figure)):
         return figure or cell
     return f"{_TO_CELSIUS[unit](float(figure.replace(',', '.'))):.12g} °C"
 
