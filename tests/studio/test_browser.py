@@ -100,11 +100,22 @@ def page(browser, address):
     assert complaints == []
 
 
+DROP = """([name, content]) => { const data = new DataTransfer();
+    data.items.add(new File([content], name, {type: 'text/csv'}));
+    document.body.dispatchEvent(new DragEvent('drop', {dataTransfer: data, bubbles: true, cancelable: true})); }"""
+
+
 def drop(page, name, content):
     """Let a file fall onto the page."""
-    held = page.evaluate_handle("""([name, content]) => { const data = new DataTransfer();
-        data.items.add(new File([content], name, {type: 'text/csv'})); return data; }""", [name, content.decode()])
-    page.dispatch_event("body", "drop", {"dataTransfer": held})
+    page.evaluate(DROP, [name, content.decode()])
+    page.get_by_role("heading", name=f"The file as read: {name}").wait_for()
+
+
+def drop_before_it_is_connected(page, name, content):
+    """The same as soon as there is a page, before it has talked with the server."""
+    fall = f"({DROP})({json.dumps([name, content.decode()])})"
+    page.add_init_script(f"document.addEventListener('DOMContentLoaded', () => {fall}, {{once: true}})")
+    page.reload()
     page.get_by_role("heading", name=f"The file as read: {name}").wait_for()
 
 
@@ -399,7 +410,7 @@ def test_a_log_of_two_zones_becomes_one_page_with_both(page):
     time, readings, powers = logged(network, steps(2, 3600, 15.0, 60.0), 1.0, 4, random, 0.03)
     rows = [f"{t:g},{a:.2f},{b:.2f},{p:g},{q:g}" for t, (a, b), (p, q) in zip(time, readings, powers, strict=True)]
     heads = "time [s],front temperature [°C],back temperature [°C],front power [%],back power [%]"
-    drop(page, "ovens.csv", "\n".join([heads, *rows]).encode())
+    drop_before_it_is_connected(page, "ovens.csv", "\n".join([heads, *rows]).encode())
     demand_accessible(page)
     assert page.get_by_label("Names of the zones").input_value() == "front, back"
     page.get_by_label("Setpoints, in °C").fill("60; 55")

@@ -348,18 +348,21 @@ def _content(live: LiveLog) -> bytes:
 
 
 _CSS = (Path(__file__).with_name("look.css")).read_text(encoding="utf-8")
-#: a file that is dropped anywhere on the page, and words that are copied
-_PROGRAM = """
-if (window.innerWidth < 1000) document.querySelector(".drawer").open = false;
+#: a file that is dropped anywhere on the page (kept until the page can take it), and words that are copied
+_PROGRAM = """<script>
+async function takeFiles(files) {
+  while (!window.did_handshake) await new Promise((ready) => setTimeout(ready, 50));
+  runMethod(UPLOAD, "addFiles", [files]); }
 document.addEventListener("dragover", (e) => { e.preventDefault(); document.body.classList.add("dragged"); });
 document.addEventListener("dragleave", (e) => { if (!e.relatedTarget) document.body.classList.remove("dragged"); });
 document.addEventListener("drop", (e) => { e.preventDefault(); document.body.classList.remove("dragged");
-  if (e.dataTransfer.files.length) runMethod(UPLOAD, "addFiles", [e.dataTransfer.files]); });
+  if (e.dataTransfer.files.length) takeFiles([...e.dataTransfer.files]); });
 document.addEventListener("click", async (e) => { const button = e.target.closest("[data-copy]"); if (!button) return;
   const label = button.textContent;
   await navigator.clipboard.writeText(button.dataset.copy);
   button.textContent = "Copied"; setTimeout(() => { button.textContent = label; }, 1200); });
-"""
+</script>"""
+_DRAWER = 'if (window.innerWidth < 1000) document.querySelector(".drawer").open = false;'
 _BLUE = "#005a9c"  # 7:1 on white
 
 
@@ -389,7 +392,8 @@ class Page:
             with ui.element("div").classes("results"):
                 self._build_results()
         ui.dark_mode(None)
-        self._upload.client.run_javascript(_PROGRAM.replace("UPLOAD", str(self._upload.id)))
+        ui.add_head_html(_PROGRAM.replace("UPLOAD", str(self._upload.id)))
+        self._upload.client.run_javascript(_DRAWER)
         self.show()
         work.follow(self)
         self._upload.client.on_delete(lambda: work.forget(self))
