@@ -168,6 +168,29 @@ def test_the_lines_show_the_numbers_of_the_loop(look):
     assert asked[:, 1].max() == pytest.approx(nominal.power_asked_pct.max(), abs=6e-4)
 
 
+def test_a_coarse_picture_is_the_fine_one_to_a_pixel_with_half_the_points(look):
+    picture = picture_of(look.proof)
+    fine, coarse = (charts.loop_chart(look, picture, coarse=coarse) for coarse in (False, True))
+    assert [line["name"] for line in coarse["series"]] == [line["name"] for line in fine["series"]]
+    assert sum(len(line["data"]) for line in coarse["series"]) < 0.5 * sum(len(line["data"]) for line in fine["series"])
+    axis, end = coarse["yAxis"][0], coarse["xAxis"][0]["max"]
+    height = 1.5 * (axis["max"] - axis["min"]) / coarse["grid"][0]["height"]
+    for line, same in zip(coarse["series"][:-1], fine["series"], strict=False):
+        for sign in (-1.0, 1.0):  # the edges of what is seen, pixel by pixel, or in one beside it
+            drawn, exact = (_edge(np.array(each["data"]), end, sign) for each in (line, same))
+            for edge, other in ((drawn, exact), (exact, drawn)):
+                near = np.max([other[:-2], other[1:-1], other[2:]], axis=0)
+                assert np.all(edge[1:-1] <= near + height)
+
+
+def _edge(points, end, sign, width=800):
+    """Return the largest value of a line, times its sign, in each pixel of a picture."""
+    across = np.union1d(np.linspace(0.0, end, 20 * width), points[:, 0])
+    pixel = np.minimum((across / end * width).astype(int), width - 1)
+    values = sign * np.interp(across, *points.T)
+    return np.array([values[pixel == each].max() for each in range(width)])
+
+
 def test_the_step_of_a_heater_is_that_of_the_textbook():
     fitted = model_by_hand(Fopdt(gain_degC_per_pct=0.6, time_constant_s=200.0, dead_time_s=20.0))
     line = dict(map(tuple, charts.heater_chart(fitted)["series"][-1]["data"]))

@@ -160,7 +160,7 @@ class LoopCard:
         known = None if proof is None else _pictures.get(id(proof))
         picture = known[1] if known else _first_picture(look.proof)
         if not (verdict_alone and picture is self._picture):
-            self._draw(look, picture, pinned)
+            self._draw(look, picture, pinned, coarse=known is None)
         self._untold = partial(self._tell, look, proof, picture, pinned)
         if proof is not None and known is None:
             background_tasks.create(self._with_all_runs(wanted, look, proof, pinned))
@@ -192,9 +192,11 @@ class LoopCard:
                 self._tell(look, proof, picture, pinned)
             return
 
-    def _draw(self, look: LoopView, picture: Picture, pinned: Sequence[PinnedDesign]) -> None:
+    def _draw(
+        self, look: LoopView, picture: Picture, pinned: Sequence[PinnedDesign], *, coarse: bool = False
+    ) -> None:
         self._picture = picture
-        draw(self._chart, _loop_chart(look, picture, tuple(pinned)))
+        draw(self._chart, _loop_chart(look, picture, tuple(pinned), coarse=coarse))
 
     def _tell(self, look: LoopView, proof: Proof | None, picture: Picture, pinned: Sequence[PinnedDesign]) -> None:
         self._sentence.set_text(views.sentence(proof or look.proof, look.settings.switch_kind))

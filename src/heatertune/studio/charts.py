@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -29,12 +29,9 @@ __all__ = ["Options", "heater_chart", "key_of", "line_chart", "line_series", "li
 
 Options = dict[str, Any]
 
-_POINTED: Final = 500  # instants of the nominal run at which a crosshair stands
-_PIECES: Final = 100  # that the other lines are made of, at least
+_PIECES: Final = 100  # that lines are made of, at least
 _MOST_NAMED: Final = 100  # instants of the axis; a tenth of them finds room
 _PIXELS: Final = 3000  # of the whole story, which is zoomed to a tenth
-_WITHIN: Final = 0.001  # of the temperature's span: a quarter of a pixel
-_POWER_WITHIN: Final = 0.3  # of percent
 _STEP_PCT: Final = 10.0
 _LAGS: Final = 4.0  # times the slowest lag: 98 % of a step
 _PIN_LINES: Final = ("dashed", "dotted", [8, 2, 2, 2], [2, 6])
@@ -154,33 +151,60 @@ def _rise(model: HeaterModel, time: Array) -> Array:
     return np.asarray(_STEP_PCT * model.gain_degC_per_pct * covered)
 
 
-def loop_chart(look: LoopView, picture: Picture, pinned: Sequence[PinnedDesign] = ()) -> Options:
+class _Detail(NamedTuple):
+    """How exactly lines are drawn.
+
+    Attributes:
+        pixels: of the whole story.
+        pointed: instants of the nominal run at which a crosshair stands, at least.
+        within: of the temperature's span.
+        within_pct: of the power.
+    """
+
+    pixels: int
+    pointed: int
+    within: float
+    within_pct: float
+
+
+_FINE: Final = _Detail(_PIXELS, 500, 0.001, 0.3)  # a quarter of a pixel
+_COARSE: Final = _Detail(_PIXELS // 2, 120, 0.004, 1.0)  # a pixel: a browser draws it in half the time
+
+
+def loop_chart(
+    look: LoopView, picture: Picture, pinned: Sequence[PinnedDesign] = (), *, coarse: bool = False
+) -> Options:
     """Return temperature and power of the loop over one time axis: nominal run, wish, designs kept, and the proof's.
 
     Args:
         look: the loop.
         picture: of its proof, or of its first look; it tells which times at rest are left out.
         pinned: designs kept.
+        coarse: to a pixel of the whole story, as long as a control moves; else so that it bears a zoom.
     """
-    proof = look.proof
+    proof, detail = look.proof, _COARSE if coarse else _FINE
     nominal = proof.nominal
-    words = _over(picture, "nominal run", course_of(nominal, proof), "realised", pieces=_POINTED)
+    course = course_of(nominal, proof, detail.pixels)
+    words = _over(picture, "nominal run", course, "realised", detail.within, detail.pointed)
     words["z"] = 4  # over the worst run
     lines = [words]
     if picture.worst is not None:
-        lines.append(_worst(picture, picture.worst[1]))
+        lines.append(_worst(picture, picture.worst[1], detail.within))
     if look.wish is not None:
-        lines.append(_over(picture, "unrounded wish", course_of(look.wish, proof), "ideal"))
+        wish = course_of(look.wish, proof, detail.pixels)
+        lines.append(_over(picture, "unrounded wish", wish, "ideal", detail.within))
     for pin, kind in zip(pinned, _PIN_LINES, strict=False):
-        lines.append(_over(picture, f"design {pin.name}", _aligned(pin, picture), "other", kind=kind, color=_PIN))
+        lines.append(_over(
+            picture, f"design {pin.name}", _aligned(pin, picture), "other", detail.within, kind=kind, color=_PIN))
     values = np.concatenate([[point[1] for point in line["data"]] for line in lines] + [y for _, y in picture.crowd])
     low, high = float(values.min()), float(values.max())
     room = 0.06 * (high - low)
     words["markArea"] = _walls(picture, low - room, high + room)
     words["markLine"] = _setpoint_and_parts(picture)
     asked = step_corners(nominal.time_s, nominal.power_asked_pct)
-    kept = downsample(picture.place(asked[0]), asked[1], _PIXELS)
-    power = _over(picture, "requested power", (asked[0][kept], asked[1][kept]), "realised", within=_POWER_WITHIN)
+    kept = downsample(picture.place(asked[0]), asked[1], detail.pixels)
+    share = detail.within_pct / max(float(np.ptp(asked[1])), detail.within_pct)
+    power = _over(picture, "requested power", (asked[0][kept], asked[1][kept]), "realised", share)
     crowd = [_crowd(picture)] if picture.crowd else []
     second = {"xAxisIndex": 1, "yAxisIndex": 1}
     options = _two_grids([*crowd, *lines, power | second], picture, end_s=float(nominal.time_s[-1]))
@@ -212,17 +236,17 @@ def key_of(look: LoopView, picture: Picture, pinned: Sequence[PinnedDesign] = ()
 
 
 def _over(
-    picture: Picture, name: str, line: Line, look: str, *, within: float = 0.0, pieces: int = _PIECES, **right: Any
+    picture: Picture, name: str, line: Line, look: str, within: float, pieces: int = _PIECES, **right: Any
 ) -> Options:
-    """Return a line over the picture's axis, without the points that nobody would miss."""
+    """Return a line over the picture's axis, without points that nobody would miss, `within` of its span."""
     across, values = picture.place(line[0]), line[1]
-    kept = straight(across, values, within or _WITHIN * float(np.ptp(values)), pieces)
+    kept = straight(across, values, within * float(np.ptp(values)), pieces)
     return line_series(name, across[kept], values[kept], look, **right)
 
 
-def _worst(picture: Picture, line: Line) -> Options:
+def _worst(picture: Picture, line: Line, within: float) -> Options:
     """Return the line of the worst run; what a FAIL is about comes first."""
-    worst = _over(picture, picture.called, line, "worst")
+    worst = _over(picture, picture.called, line, "worst", within)
     if picture.fails:
         worst |= {"z": 5, "lineStyle": {**worst["lineStyle"], "width": _FAILING_PX, "type": "solid"}}
     return worst

@@ -5,8 +5,10 @@ Long lines are reduced to the points that are visible: minimum and maximum of ea
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import math
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from typing import Any, Final
 
 import numpy as np
@@ -116,16 +118,17 @@ class Wall:
     name: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class PicturePart:
-    """A part of the story.
+    """A part of the story, and what one run does in it: measured when it is asked for, after the lines are drawn.
 
     Attributes:
         name: what begins it.
         begin_s, rest_s, end_s: see `heatertune.proof.scenario.Phase`.
         setpoint_degC: what is asked for.
-        highest_degC, lowest_degC: of one run.
-        within_s: from when on that run stays in the band, None: it does not.
+        trace: the run.
+        band_degC: around the setpoint.
+        most: stretches of the run that are looked at one by one, see `Trace.course`.
     """
 
     name: str
@@ -133,9 +136,30 @@ class PicturePart:
     rest_s: float
     end_s: float
     setpoint_degC: float
-    highest_degC: float
-    lowest_degC: float
-    within_s: float | None
+    trace: Trace
+    band_degC: float
+    most: float
+
+    @property
+    def highest_degC(self) -> float:
+        """The highest temperature of the run."""
+        return float(self._course[1].max())
+
+    @property
+    def lowest_degC(self) -> float:
+        """The lowest temperature of the run."""
+        return float(self._course[1].min())
+
+    @property
+    def within_s(self) -> float | None:
+        """From when on the run stays in the band, None: it does not."""
+        time, temperature = self._course
+        first = first_within(temperature - self.setpoint_degC, self.band_degC)
+        return None if first == len(time) else float(time[first])
+
+    @cached_property
+    def _course(self) -> Line:
+        return self.trace.course(self.begin_s, self.end_s, most=self.most)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -178,7 +202,7 @@ def picture_of(proof: Proof, before_run: Callable[[], object] = bool) -> Picture
         before_run: called before each run is drawn; what it raises gives the picture up.
     """
     lines: dict[bytes, Line] = {}
-    gone = tuple(torn(proof))
+    gone = torn(proof)
     for run in range(len(proof.runs) if len(proof.runs) > 1 else 0):
         before_run()
         time, temperature = course_of(proof.trace(run), proof, _PIXELS_BEHIND)
@@ -211,16 +235,11 @@ def course_of(trace: Trace, proof: Proof, pixels: int = _PIXELS) -> Line:
 
 def parts_of(trace: Trace, proof: Proof) -> list[PicturePart]:
     """Return what a run does in each part of the story: exactly, but for a first look at a run with a fast PWM."""
-    band = band_of(proof.limits, trace.resolution_degC)
-    found = []
-    for event, phase in zip((None, *trace.scenario.disturbances), _phases(trace, proof), strict=True):
-        time, temperature = trace.course(phase.begin_s, phase.end_s, most=np.inf if proof.open_points else _DENSE)
-        first = first_within(temperature - phase.setpoint_degC, band)
-        found.append(PicturePart(
-            name=event_name(event), begin_s=phase.begin_s, rest_s=phase.rest_s, end_s=phase.end_s,
-            setpoint_degC=phase.setpoint_degC, highest_degC=float(temperature.max()),
-            lowest_degC=float(temperature.min()), within_s=None if first == len(time) else float(time[first])))
-    return found
+    band, most = band_of(proof.limits, trace.resolution_degC), math.inf if proof.open_points else _DENSE
+    events = zip((None, *trace.scenario.disturbances), _phases(trace, proof), strict=True)
+    return [PicturePart(name=event_name(event), begin_s=phase.begin_s, rest_s=phase.rest_s, end_s=phase.end_s,
+                        setpoint_degC=phase.setpoint_degC, trace=trace, band_degC=band, most=most)
+            for event, phase in events]
 
 
 def walls_of(proof: Proof, run: int) -> Iterator[Wall]:
@@ -266,16 +285,20 @@ def _phases(trace: Trace, proof: Proof) -> tuple[Phase, ...]:
     return phases_measured(trace.scenario, proof.limits, float(trace.time_s[-1]), trace.actuator.pwm_period_s)
 
 
-def torn(proof: Proof) -> list[tuple[float, float]]:
+def torn(proof: Proof) -> tuple[tuple[float, float], ...]:
     """Return the times at rest that the picture leaves out, from and to [s]."""
     phases = _phases(proof.nominal, proof)
-    return [(phase.rest_s + _REST_SEEN * (phase.end_s - phase.rest_s), phase.end_s)
-            for phase in phases if phase.end_s > phase.rest_s]
+    return tuple((phase.rest_s + _REST_SEEN * (phase.end_s - phase.rest_s), phase.end_s)
+                 for phase in phases if phase.end_s > phase.rest_s)
 
 
-def _place(time: Array, gone: Sequence[tuple[float, float]]) -> Array:
-    if not gone:
-        return time
+def _place(time: Array, gone: tuple[tuple[float, float], ...]) -> Array:
+    return np.asarray(time - np.interp(time, *_knots(gone))) if gone else time
+
+
+@lru_cache(16)
+def _knots(gone: tuple[tuple[float, float], ...]) -> tuple[Array, Array]:
+    """Return instants at which times are left out begin and end, and how much is lost by then [s]."""
     ends = np.array(gone)
     lost = np.cumsum(ends[:, 1] - ends[:, 0])
-    return np.asarray(time - np.interp(time, ends.ravel(), np.ravel([np.append(0.0, lost[:-1]), lost], order="F")))
+    return ends.ravel(), np.ravel([np.append(0.0, lost[:-1]), lost], order="F")
