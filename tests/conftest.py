@@ -198,7 +198,7 @@ def pytest_terminal_summary(terminalreporter):
         return
     folders = Counter()
     for name, spent in _SPENT.items():
-        folders["/".join(name.split("/")[:2])] += spent
+        folders["/".join(name.partition("::")[0].split("/")[:-1][:2])] += spent
     terminalreporter.write_sep("=", f"{sum(_SPENT.values()):.0f} s of processor time")
     for name, spent in [*folders.most_common(), *Counter(_SPENT).most_common(_LONGEST)]:
         terminalreporter.write_line(f"{spent:7.1f} s {name}")
