@@ -11,6 +11,7 @@ from heatertune.chain import precompile, second_opinion
 from heatertune.codec import encode
 from heatertune.model.model_values import model_by_hand
 from heatertune.pid.sampled_loop import Margins
+from heatertune.pid.search.feasible import nonlinear_program
 from heatertune.pid.tune import stated_problem
 from heatertune.plc.design import loop_fit
 from heatertune.report import report_text
@@ -36,6 +37,27 @@ def test_both_say_the_same_of_margins_step_and_optimum(target, structure, ms):
     assert second_opinion.disagreement(opinion) == ()
     for row in opinion.rows[:-1]:
         assert row.value == pytest.approx(row.library_value, rel=1e-3)
+
+
+@pytest.mark.parametrize("target", ["klipper", "marlin", "omron-e5cc"])
+@pytest.mark.parametrize("dead_time_s", [51.7, 4.0, 2.0])
+def test_a_response_of_thousands_of_samples_is_counted_to_its_end(target, dead_time_s):
+    heater = ht.Fopdt(gain_degC_per_pct=0.52, time_constant_s=389.0, dead_time_s=dead_time_s, ambient_degC=30.0)
+    ideal = ht.tune(heater, target=target)
+    problem = stated_problem(loop_fit(model_by_hand(heater), target), TuneSettings(), ideal.sample_time_s)
+    rounded = 1e-4 * 400 * ideal.sample_time_s  # most that the corner of |e|, which the program rounds, adds [°C·s]
+    for gain in (1.0, 0.6):  # the IAE by simulation from sample to sample
+        design = replace(ideal, gain_pct_per_degC=gain * ideal.gain_pct_per_degC)
+        program = nonlinear_program(problem, design)
+        assert program.cost_at(program.start) == pytest.approx(problem.cost(design), rel=0.01, abs=rounded)
+
+
+def test_a_response_that_is_too_long_for_its_dead_time_is_not_compared():
+    heater = ht.Fopdt(gain_degC_per_pct=0.52, time_constant_s=2000.0, dead_time_s=0.5, ambient_degC=30.0)
+    ideal = replace(ht.tune(heater, target="marlin"), gain_pct_per_degC=0.5, integral_time_s=2000.0)
+    problem = stated_problem(loop_fit(model_by_hand(heater), "marlin"), TuneSettings(), ideal.sample_time_s)
+    opinion = second_opinion.second_opinion(None, [], ideal, problem, is_optimum=True)
+    assert "Not compared with CasADi: the response takes " in opinion.notes[-1]
 
 
 def test_a_design_that_is_no_optimum_may_cost_more_and_is_told_so():

@@ -29,11 +29,13 @@ from heatertune.pid.design_values import PidDesign, step_parts, structure_of
 from heatertune.pid.sampled_loop import (
     SampledPlant,
     frequencies,
+    horizon,
     iae_load,
     iae_setpoint,
     itae_load,
     noise_gain,
     plant_and_controller_response,
+    respond,
     sample_plant,
     sensitivity_peaks,
 )
@@ -328,7 +330,10 @@ def _tops(excluded: Array) -> list[float]:
 
 _SMOOTH = 1e-4  # °C; rounds the corner of |e| far below any sensor's resolution
 _FREQUENCIES = 240
-_MOST_SAMPLES = 400
+_SAMPLES = 400  # of a response; where more of TA are needed, the program takes one every few
+_MOST_SAMPLES = 1200  # where a short dead time allows no longer intervals
+_SLOWER = 1.5  # times the response of the start: gains on the way may be lower
+_NEARLY_ALL = 0.998
 _MOST_DELAY = 200  # samples of dead time; each is a state of the loop inside
 
 
@@ -480,11 +485,15 @@ def nonlinear_program(problem: Problem, start: PidDesign) -> NonlinearProgram:
         start: a design within the limits.
 
     Raises:
-        InputError: CasADi is not installed; a P controller; the objective ki; a dead time of too many samples.
+        InputError: CasADi is not installed; a P controller; the objective ki; a dead time or a response of too many
+            intervals.
     """
     if problem.objective == "ki" or problem.structure == "p":
         raise _NoProgram("the objective ki and a P controller need no program: their search is exact")
-    plants = [sample_plant(model, problem.sample_time_s) for model in problem.limited]
+    scans = _scans(problem, start)
+    interval, past = scans * problem.sample_time_s, problem.derivative_filter**scans
+    hold_s = 0.5 * (interval - problem.sample_time_s)
+    plants = [sample_plant(model, interval, computing_delay_s=-hold_s) for model in problem.limited]
     longest = max(plant.delay for plant in plants)
     if longest > _MOST_DELAY:
         raise _NoProgram(f"the dead time spans {longest} samples")
@@ -496,20 +505,22 @@ def nonlinear_program(problem: Problem, start: PidDesign) -> NonlinearProgram:
     unknowns = ca.SX.sym("x", 3 if problem.structure == "pid" else 2)
     gain, integral = ca.exp(unknowns[0]), ca.exp(unknowns[1])
     derivative = ca.exp(unknowns[2]) if problem.structure == "pid" else ca.SX(0.0)
-    settings = ca.vertcat(gain, problem.sample_time_s / integral, derivative / problem.sample_time_s)
-    omega = frequencies(problem.sample_time_s, problem.slowest_s, _FREQUENCIES)
-    samples = _samples(problem, start)
-    costs = [_cost(ca, plant, samples, problem, settings) for plant in plants[: len(problem.plants)]]
-    limits = [_distances(ca, plant, settings, omega, problem) for plant in plants]
+    settings = ca.vertcat(gain, interval / integral, derivative / interval)
+    omega = frequencies(interval, problem.slowest_s, _FREQUENCIES)
+    samples = int(np.clip(_response_s(problem, start) / interval, 40, _MOST_SAMPLES))
+    program = replace(problem, derivative_filter=past)
+    costs = [_cost(ca, plant, samples, program, settings) for plant in plants[: len(problem.plants)]]
+    limits = [_distances(ca, plant, settings, omega, program) for plant in plants]
     if math.isfinite(problem.step_power):
-        parts = 1.0 + settings[1] + (1.0 - problem.derivative_filter) * settings[2]
+        ta = problem.sample_time_s
+        parts = 1.0 + ta / integral + (1.0 - problem.derivative_filter) * derivative / ta
         limits.append(1.0 - gain * parts / problem.step_power)
     first = _vector(start, problem.structure)
     highest = first + 1.0
     highest[0] = min(highest[0], max(math.log(problem.most_gain(start)), first[0]))
     return NonlinearProgram(
         problem=problem, unknowns=unknowns, gain_pct_per_degC=gain, integral_time_s=integral,
-        derivative_time_s=derivative, cost=problem.sample_time_s * sum(costs) / len(costs), limits=ca.vertcat(*limits),
+        derivative_time_s=derivative, cost=interval * sum(costs) / len(costs), limits=ca.vertcat(*limits),
         start=first, lowest=first - 1.0, highest=highest)
 
 
@@ -520,10 +531,39 @@ def _vector(design: PidDesign, structure: str) -> Any:
     return np.log(settings)
 
 
-def _samples(problem: Problem, start: PidDesign) -> int:
+def _response_s(problem: Problem, start: PidDesign) -> float:
+    """Return how long the response takes of which a program has the samples [s]."""
     loop_gain = start.gain_pct_per_degC * min(plant.gain_degC_per_pct for plant in problem.plants)
-    slow = problem.slowest_s + start.integral_time_s * (1.0 + 1.0 / loop_gain)
-    return int(np.clip(4.0 * slow / problem.sample_time_s, 40, _MOST_SAMPLES))
+    longest = 4.0 * (problem.slowest_s + start.integral_time_s * (1.0 + 1.0 / loop_gain))
+    whole = _SAMPLES * problem.sample_time_s
+    if longest <= whole:
+        return longest
+    return max(whole, min(longest, _SLOWER * max(_settled_s(plant, start) for plant in problem.plants)))
+
+
+def _settled_s(model: HeaterModel, design: PidDesign) -> float:
+    """Return after how long nearly all of the error's integral is there, after steps of load and setpoint [s]."""
+    samples = horizon(model, design)
+    errors = respond(model, design, samples, load_pct=1.0), 1.0 - respond(model, design, samples, setpoint_degC=1.0)
+    sums = [np.cumsum(np.abs(error)) for error in errors]
+    return design.sample_time_s * max(int(np.searchsorted(each, _NEARLY_ALL * each[-1])) for each in sums)
+
+
+def _scans(problem: Problem, start: PidDesign) -> int:
+    """Return how many TA an interval of the program has, so that its samples reach to the end of the response.
+
+    Half of what it is longer than TA is taken from each dead time, which it adds as a hold.
+
+    Raises:
+        InputError: the shortest dead time allows only intervals of which the response has too many.
+    """
+    ta, response = problem.sample_time_s, _response_s(problem, start)
+    dead_time = min(model.dead_time_s for model in problem.limited)
+    scans = min(max(1, math.ceil(response / (_SAMPLES * ta) - 1e-9)), 1 + math.floor(0.5 * dead_time / ta))
+    if response > (_MOST_SAMPLES + 1) * scans * ta:
+        raise _NoProgram(f"the response takes {response / (scans * ta):.0f} intervals of {scans * ta:.3g} s, which is "
+                         f"as long as the shortest dead time allows, and {_MOST_SAMPLES} are calculated at most")
+    return scans
 
 
 def _cost(ca: Any, plant: SampledPlant, samples: int, problem: Problem, settings: Any) -> Any:
