@@ -11,6 +11,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from itertools import accumulate, combinations, pairwise
+from operator import itemgetter
 from pathlib import Path
 from typing import Final
 
@@ -274,6 +275,14 @@ def group_mark(cells: CellColumn, *, decimal_commas: bool | None = None) -> str:
     return ""
 
 
+def _without_groups(cells: CellColumn, *, decimal_commas: bool | None = None) -> CellColumn | None:
+    """Return cells without the marks that group their thousands, None if that is not certain; see `group_mark`."""
+    mark = group_mark(cells, decimal_commas=decimal_commas)
+    if not mark:
+        return None
+    return cells.map(lambda cell: cell.replace(mark, "") if _GROUPED[mark].fullmatch(cell) else cell)
+
+
 def _goes_on(cells: Sequence[str], mark: str, decimal_mark: str) -> bool:
     """Return whether numbers without a mark, up to 999, and those with it follow each other as thousands."""
     like = re.compile(r"([+-]?[\d.,]+)" + re.escape(re.sub(r"[+-]?[\d.,]+", "", cells[0], count=1)))  # of one unit
@@ -358,15 +367,14 @@ def plain_quantities(cells: CellColumn, *, decimal_commas: bool | None = None) -
         cells: of a column.
         decimal_commas: whether the user says that its numbers have decimal commas; None: that is not known.
     """
-    if mark := group_mark(cells, decimal_commas=decimal_commas):
-        cells = cells.map(lambda cell: cell.replace(mark, "") if _GROUPED[mark].fullmatch(cell) else cell)
-        return plain_quantities(cells) or (cells, "", False)
+    if (figures := _without_groups(cells, decimal_commas=decimal_commas)) is not None:
+        return plain_quantities(figures) or (figures, "", False)
     first = next((cell for cell in cells if not says_nothing(cell)), "")
     if is_quantity(first) and (sized := _in_base_unit(cells)) is not None:
         return (*sized, False)
     if not is_quantity(first) and not cells.holds(","):
         return None
-    unit = _common_unit(cells.kinds()) if is_quantity(first) else ""
+    unit = _common_unit(cells) if is_quantity(first) else ""
 
     def figure(cell: str) -> str:
         match = _QUANTITY.fullmatch(cell) if unit and not says_nothing(cell) else None
@@ -397,10 +405,13 @@ _WRITTEN: Final = re.compile(
     rf"({_FIGURE}|[-.#]+|err|nan|n/a|null)[ \u00a0\u202f]*[\[(]?([^\d\s.,:+\-\[()\]][^\d\[()\]]*)[\])]?", re.IGNORECASE)
 _TO_CELSIUS: Final[dict[str, Callable[[float], float]]] = {
     "°C": lambda value: value, "°F": degF_to_degC, "K": kelvin_to_degC}
+_GROUPED_QUANTITY: Final = re.compile(r"[+-]?\d{1,3}[.,]\d{3}[\d.,]* ?[^\d\s.,].*")
 _LOOKED_AT: Final = 64  # cells, to see whether any bears a unit
 
 
-def with_common_unit(cells: CellColumn, *, bare: bool) -> tuple[CellColumn, str] | None:
+def with_common_unit(
+    cells: CellColumn, *, bare: bool, decimal_commas: bool | None = None
+) -> tuple[CellColumn, str] | None:
     """Return cells whose unit is written in one way, and what was done; None if nothing is to be done.
 
     Several notations of a unit become one. Temperatures in several units become °C. A number without a unit has that
@@ -409,13 +420,18 @@ def with_common_unit(cells: CellColumn, *, bare: bool) -> tuple[CellColumn, str]
     Args:
         cells: of a column.
         bare: whether numbers without a unit may be of the same quantity.
+        decimal_commas: as of `group_mark`.
     """
     some = cells.at_rows(np.unique(np.linspace(0, len(cells) - 1, _LOOKED_AT).astype(np.intp)))
-    if not any(_unit_of(cell)[1] for cell in some):
+    if any(map(_GROUPED_QUANTITY.fullmatch, some)):
+        cells = _without_groups(cells, decimal_commas=decimal_commas) or cells
+    elif not any(map(itemgetter(1), map(_unit_of, some))):
         return None
     parts = {cell: _unit_of(cell) for cell in cells.kinds()}
     units = sorted({unit for _, unit in parts.values()} - {""})
-    return _converted(cells, parts, units) if len(units) > 1 else _in_one_notation(cells, parts, units[0], bare=bare)
+    if len(units) > 1:
+        return _converted(cells, parts, units)
+    return _in_one_notation(cells, parts, units[0], bare=bare) if units else None
 
 
 def _converted(
@@ -503,16 +519,18 @@ def _in_base_unit(cells: CellColumn) -> tuple[CellColumn, str] | None:
 _TWO: Final = 2
 
 
-def _common_unit(kinds: Iterable[str]) -> str:
-    """Return the unit of all cells that hold something, "" where they are not all alike."""
-    unit = ""
-    for cell in kinds:
-        match = None if says_nothing(cell) else _QUANTITY.fullmatch(cell)
-        own = "" if match is None else match[2].strip()
-        if not says_nothing(cell) and (not own or own != (unit or own)):
-            return ""
-        unit = own or unit
-    return unit
+def _common_unit(cells: CellColumn) -> str:
+    """Return the unit of all cells that hold something but a few words, "" where they are not all alike."""
+    found = {cell: _QUANTITY.fullmatch(cell) for cell in cells.kinds() if not says_nothing(cell)}
+    units = {match[2].strip() for match in found.values() if match is not None}
+    strange = {cell for cell, match in found.items() if match is None}
+    if len(units) != 1 or any(map(is_number, strange)) or (
+            strange and np.count_nonzero(cells.where(strange.__contains__)) > _MOST_WORDS * len(cells)):
+        return ""
+    return units.pop()
+
+
+_MOST_WORDS: Final = 0.1  # share of the cells
 
 
 _WHOLE: Final = re.compile(r"[+-]?\d+|.*:\d\d")
