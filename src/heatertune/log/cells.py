@@ -250,6 +250,7 @@ _UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 _SAMPLE = 50  # lines looked at to find the separator
 _FEW_LINES: Final = 20
 _MANY_LINES: Final = 1000
+_COLOUR: Final = re.compile(r"\x1b\[[\d;]*[A-Za-z]")  # what a terminal's log holds of its colours and lines
 _SEPARATOR_LINE: Final = re.compile(r'[" ]*sep=[;,\t|][" ]*', re.IGNORECASE)  # written by spreadsheets
 _FRAME_LINE: Final = re.compile(r"[-+=| :]*(?:---|===)[-+=| :]*")  # of a table that a database's terminal prints
 _MARKS: Final = ("\t", ";", "|", ",")
@@ -281,6 +282,8 @@ def read_sheet(
     if binary is not None:
         return _sheet_of(path, binary.read(path, data, tag), repairs, 0, skip_rows, skip_empty=skip_empty)
     text = _text(path, data, repairs)
+    if "\x1b[" in text:
+        text = _COLOUR.sub("", text)
     period_s, recorded = 0.0, text.startswith(MARK)
     if recorded:
         period_s = pwm_period_of(text)

@@ -26,8 +26,8 @@ from heatertune.units import count, degF_to_degC, kelvin_to_degC
 __all__ = [
     "FORM_MARKS", "NOTHING", "ROLES", "demand_one_unit", "group_mark", "is_foreign", "is_heated", "is_in_celsius",
     "is_number", "is_quantity", "is_scaled", "is_second_choice", "is_switch_word", "join_decimals", "on_or_off",
-    "plain_name", "plain_quantities", "role_of", "says_nothing", "unit_in_name", "usual_form", "with_common_unit",
-    "without_marks",
+    "plain_name", "plain_quantities", "role_of", "says_nothing", "signal_rank", "unit_in_name", "usual_form",
+    "with_common_unit", "without_marks",
 ]
 
 
@@ -55,12 +55,13 @@ _NAMES: Final[dict[str, re.Pattern[str]]] = {
         r"|^T\d*$|^[tT]\d* ?[\[(/ ] ?[KCF]\b|\bT\d*$"),
     "power": re.compile(
         r"(?i:power|duty|heat(er|ing)|pwm|output|\bc[vo]\d*\b|\bop\d*\b|^[uq]\d*($|[ \[(/])|leistung"
+        r"|^p\d* ?[\[(/] ?k?w\b"
         r"|stell|heiz|volt|watt|spannung|strom|\bcurrent|\bamp(s|ere)?\b"
         r"|^control( signal| value)?$|manipulat|ausgang|\bactive ?out"
         r"|\belement ?\d*\b"
     r"|relais|relay|\bssr\b|^heat$|heat ?(pct|percent|%)"
         r"|\bout\d*\b|puissance|pot[eê]nci?a|potenza|vermogen|^moc\b|výkon|мощност|нагрев|功率|出力"
-        r"|输出|加热|加熱|操作量|ヒータ|effekt|^güç|출력|히터|^teho\b|saída|salida|sortie|uscita|aquec|calefac|chauff|riscald|verwarm|grzał|topení|ohřev|ısıt"
+        r"|输出|加热|加熱|操作量|ヒータ|effekt|^güç|çıkış|출력|히터|^teho\b|saída|salida|sortie|uscita|aquec|calefac|chauff|riscald|verwarm|grzał|topení|ohřev|ısıt"
         r"|värme\b|varme\b|pådrag|lämmit|fűt[eé]|teljesítm|θέρμανσ|ισχύ|потужн|нагрів|putere|încălz|הספק|חימום|กำลัง)"
         r"|\bMV\d*\b"),
 }
@@ -185,6 +186,15 @@ def demand_one_unit(file: str, role: str, name: str, borne: str) -> None:
 def is_foreign(role: str, name: str) -> bool:
     """Return whether a column's name contains a unit foreign to its role: power in watts, a PV in percent."""
     return unit_in_name(role, name) is None and _FOREIGN[role].search(plain_name(name).lower()) is not None
+
+
+def signal_rank(name: str) -> int:
+    """Return 0 for a power in W or a share, 1 for another signal, 2 for one in mV, as of a thermocouple."""
+    unit = _SIGNAL.search(plain_name(name))
+    return 0 if unit is None else 2 if unit[1] == "mV" else 1
+
+
+_SIGNAL: Final = re.compile(r"[\[(/ ](m?[VA])[\])]?$")
 
 
 def is_scaled(role: str, name: str) -> bool:
