@@ -416,3 +416,11 @@ def test_thousands_in_groups_are_read_in_two_units():
     cells = [f"{1000.0 + y:,.2f} °C" if k % 2 else f"{32.0 + 1.8 * (1000.0 + y):,.2f} °F" for k, y in enumerate(TEMPERATURE_DEGC)]
     log = log_of(temperature=[f'"{cell}"' for cell in cells], head="t_s,Temp,power_pct")
     assert np.allclose(log.temperature_degC, 1000.0 + TEMPERATURE_DEGC, atol=0.01)
+
+
+def test_words_of_a_switch_in_a_long_table_leave_the_other_cells_their_unit():
+    rows = [row for k, y in enumerate(TEMPERATURE_DEGC) for row in (
+        f"2026-03-14 10:00:{k:02d},Oven,{y:.3f} °C", f"2026-03-14 10:00:{k:02d},Board Temperature,41.2 °C",
+        *([f"2026-03-14 10:00:{k:02d},Element,{'ON' if k else 'OFF'}"] if k in (0, 10) else []))]
+    log = read_log(io.StringIO("\n".join(["time,name,value", *rows]) + "\n"))
+    assert np.allclose(log.temperature_degC, TEMPERATURE_DEGC, atol=1e-3)

@@ -640,7 +640,7 @@ def plain_cells(sheet: Sheet, decimal_comma: str | None = None) -> Sheet:
             column = common[0]
             sheet = sheet.with_column(i, column)
             repairs.extend(filter(None, [common[1].format(shown)]))
-        plain = plain_quantities(column, decimal_commas=comma)
+        plain = plain_quantities(column, decimal_commas=comma, lenient=bare)
         units.append(plain[1] if plain else "")
         if plain is None:
             continue

@@ -367,7 +367,9 @@ def is_switch_word(cell: str) -> bool:
     return cell.lower() in _ON | _OFF
 
 
-def plain_quantities(cells: CellColumn, *, decimal_commas: bool | None = None) -> tuple[CellColumn, str, bool] | None:
+def plain_quantities(
+    cells: CellColumn, *, decimal_commas: bool | None = None, lenient: bool = False
+) -> tuple[CellColumn, str, bool] | None:
     """Return plain numbers, the common unit, and whether there were decimal commas; None if nothing changes.
 
     A column with both commas and points of which neither is certain to group thousands is left unchanged; so is one
@@ -376,15 +378,16 @@ def plain_quantities(cells: CellColumn, *, decimal_commas: bool | None = None) -
     Args:
         cells: of a column.
         decimal_commas: whether the user says that its numbers have decimal commas; None: that is not known.
+        lenient: whether a few words among cells with a unit are damaged ones; in a long table they are another signal.
     """
     if (figures := _without_groups(cells, decimal_commas=decimal_commas)) is not None:
-        return plain_quantities(figures) or (figures, "", False)
+        return plain_quantities(figures, lenient=lenient) or (figures, "", False)
     first = next((cell for cell in cells if not says_nothing(cell)), "")
     if is_quantity(first) and (sized := _in_base_unit(cells)) is not None:
         return (*sized, False)
     if not is_quantity(first) and not cells.holds(","):
         return None
-    unit = _common_unit(cells) if is_quantity(first) else ""
+    unit = _common_unit(cells, lenient=lenient) if is_quantity(first) else ""
 
     def figure(cell: str) -> str:
         match = _QUANTITY.fullmatch(cell) if unit and not says_nothing(cell) else None
@@ -529,13 +532,13 @@ def _in_base_unit(cells: CellColumn) -> tuple[CellColumn, str] | None:
 _TWO: Final = 2
 
 
-def _common_unit(cells: CellColumn) -> str:
-    """Return the unit of all cells that hold something but a few words, "" where they are not all alike."""
+def _common_unit(cells: CellColumn, *, lenient: bool) -> str:
+    """Return the unit of all cells that hold something, `lenient` but for a few words, "" where they differ."""
     found = {cell: _QUANTITY.fullmatch(cell) for cell in cells.kinds() if not says_nothing(cell)}
     units = {match[2].strip() for match in found.values() if match is not None}
     strange = {cell for cell, match in found.items() if match is None}
     if len(units) != 1 or any(map(is_number, strange)) or (
-            strange and np.count_nonzero(cells.where(strange.__contains__)) > _MOST_WORDS * len(cells)):
+            strange and np.count_nonzero(cells.where(strange.__contains__)) > lenient * _MOST_WORDS * len(cells)):
         return ""
     return units.pop()
 
