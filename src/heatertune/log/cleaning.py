@@ -296,7 +296,14 @@ def one_run(
     The run is the requested one (1 = first), otherwise the longest of those in which the power moves.
 
     A run begins where the clock restarts at its first value, or jumps by years as it is set; a time that only goes
-    backwards is not a new run. The times [s] are of shape (n,), one for each row.
+    backwards is not a new run.
+
+    Args:
+        sheet: the cells.
+        columns: which column is what.
+        time: of each row, shape (n,) [s].
+        wanted: the requested run, None for the longest in which the power moves.
+        repairs: list to which the choice is added.
 
     Raises:
         LogError: a run that does not exist.

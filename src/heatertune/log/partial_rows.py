@@ -222,7 +222,7 @@ def without_blank_power(sheet: Sheet, columns: Columns, time: Array, repairs: li
     written = np.flatnonzero(~cells.where(says_nothing))
     own_rows = _have_own_rows(blank, written)
     sparse = 0 < len(written) < len(cells) and (
-        sheet.other_file != "" or own_rows or _is_of_changes(cells.at_rows(written), int(written[0])))
+        own_rows or sheet.other_file != "" or _is_of_changes(cells.at_rows(written), int(written[0])))
     if not sparse:
         return sheet, time, blank & cells.differs() if np.any(blank) else blank
     first = int(written[0])
@@ -268,10 +268,14 @@ def _is_of_changes(written: CellColumn, first: int) -> bool:
     return bool((len(written) > 1 or first == 0) and repeats <= _REPEATS * len(written))
 
 
+_OFTEN: Final = 0.1  # share of the rows; a power that is written where it changes seldom has as many
+
+
 def _have_own_rows(blank: Mask, written: npt.NDArray[np.intp]) -> bool:
     """Return whether each row holds either a temperature or a power, as where two devices write one table."""
     powered = np.isin(np.arange(len(blank)), written)
-    return bool(np.count_nonzero(powered != blank) <= _REPEATS * len(blank))
+    alone = np.count_nonzero(powered)
+    return bool(alone >= _OFTEN * len(blank) and np.count_nonzero(powered != blank) <= _REPEATS * len(blank))
 
 
 _MOST_LABELS: Final = 100
