@@ -1,9 +1,9 @@
 """Hostile exports of one known heater, which no tool writes on purpose: is any read into another heater?
 
-    python -m tests.bench.hostile_exports [--only NAME] [--verbose] [--draw N] [--devices | --tools] [--sheet]
+    python -m tests.bench.hostile_exports [--only NAME] [--verbose] [--draw N] [--devices | --field | --tools] [--sheet]
 
---devices: those of `hostile_devices` alone; --tools: those of `tool_exports`, which `messy` judges. --sheet: through the
-studio's sheet for a dropped file in place of the command line.
+--devices: those of `hostile_devices` alone; --field: those of `field_exports`; --tools: those of `tool_exports`, which
+`messy` judges. --sheet: through the studio's sheet for a dropped file in place of the command line.
 
 Each goes through `messy.judge`: a message is followed by what the user of this heater knows. A wrong heater, an
 accusation that is false and a traceback are failures; a refusal without a way on is counted and shown.
@@ -491,13 +491,15 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--draw", type=int, default=0)
     parser.add_argument("--verbose", action="store_true")
     parser.add_argument("--devices", action="store_true")
+    parser.add_argument("--field", action="store_true")
     parser.add_argument("--tools", action="store_true")
     parser.add_argument("--sheet", action="store_true")
     asked = parser.parse_args(arguments)
     redraw(asked.draw)
     counts: Counter[str] = Counter()
     with tempfile.TemporaryDirectory() as folder:
-        writers = importlib.import_module("tests.bench.hostile_devices").WRITERS if asked.devices else WRITERS
+        module = "hostile_devices" if asked.devices else "field_exports" if asked.field else "hostile_exports"
+        writers = importlib.import_module(f"tests.bench.{module}").WRITERS
         for export in tool_exports.exports(asked.only, None) if asked.tools else exports(asked.only, writers):
             outcome, said = outcome_on_sheet(export) if asked.sheet else outcome_of(export, Path(folder))
             counts[outcome] += 1

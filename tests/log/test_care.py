@@ -248,9 +248,10 @@ def test_a_temperature_of_two_values_in_turns_is_read_or_refused(tmp_path, cells
     assert len(read_log(path, temperature_unit="degC").time_s) == 60
 
 
-def test_marks_in_place_of_a_temperature_in_one_of_two_units_are_refused_in_one_line(tmp_path):
+def test_marks_in_place_of_a_temperature_in_one_of_two_units_cost_their_row(tmp_path):
     path = tmp_path / "marks.csv"
     rows = (f"{row};{'#### °C' if row == 30 else ('20 °C', '70 °F')[row % 2]};{50 if row > 20 else 0}" for row in range(60))
     path.write_text("\n".join(["time_s;temp;power %", *rows]), encoding="utf-8")
-    with pytest.raises(LogError, match="column temp: a unit that not all cells bear"):
-        read_log(path)
+    log = read_log(path)
+    assert 30.0 not in log.time_s
+    assert (len(log.time_s), log.taken.left_out) == (59, 1)

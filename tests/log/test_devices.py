@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from tests.bench import hostile_devices, hostile_exports, tool_exports
+from tests.bench import field_exports, hostile_devices, hostile_exports, tool_exports
 from tests.bench.messy import asked_for
 
 from heatertune.errors import LogError
@@ -12,7 +12,8 @@ from heatertune.log import read_log
 
 #: whose rows are not those of one heater, or no longer those of the table; `hostile_exports` judges what becomes of them
 OTHERS = ("rows of two heaters in turns, not said", "°F until an update", "a reading that is late by a buffer of ten rows",
-          "the last value while the bus is down", "words of a relay in French", "0.0 and -0.1 while the converter starts")
+          "the last value while the bus is down", "words of a relay in French", "0.0 and -0.1 while the converter starts", "sqlite3 -line",
+          "blanks for readings in every second row, two devices")
 TURNS = 4
 
 
@@ -48,7 +49,7 @@ def read(export):
     raise AssertionError(words)
 
 
-@pytest.mark.parametrize("export", [export for export in hostile_exports.exports(writers=hostile_devices.WRITERS)
+@pytest.mark.parametrize("export", [export for export in hostile_exports.exports(writers=hostile_devices.WRITERS + field_exports.WRITERS)
                                     if export.tool not in OTHERS], ids=lambda export: export.tool)
 def test_the_rows_are_the_heaters(export):
     run, log = tool_exports.steps(tool_exports.OVEN), read(export)

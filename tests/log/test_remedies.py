@@ -144,6 +144,8 @@ CASES = (
     Case("power_range._refuse_readings", table("time [s],Temp [°C],xyz", S, T, WANDERS), ("--power-column xyz", "-power-levels"), stated="--power-levels 4 20"),
     Case("power_range.power_of", wide("Heater", ["warm" if p else ("kalt", "lau")[k % 2] for k, p in enumerate(P)]), ("--power-on warm", "--power-column none")),
     Case("power_range.power_of", wide("Output", [p - 20 for p in P]), ("--power-levels -40 40",), notes=True),
+    Case("power_range.with_one_unit", wide("Heater", [f"{p} %" if k % 2 else f"{20 * p} W" for k, p in enumerate(P)]),
+         ("--power-full-scale 2000", "--power-column none")),
     Case("power_range._between", wide(), ("-power-levels --power-levels 4 20",), stated="--power-levels 0 0"),
     Case("power_range._between", wide(), ("-power-levels --power-levels 0 100",), stated="--power-levels 4 20"),
     Case("power_range._two_way", wide(values=[2 * p for p in P]), ("--power-full-scale 200",)),

@@ -361,11 +361,66 @@ def test_a_name_and_cells_of_two_units_are_a_question_whose_answer_works():
 
 @pytest.mark.parametrize("first_row", [8, 29, 50])
 def test_a_clock_that_is_set_years_later_makes_two_runs(first_row):
-    """A device that begins in 1970 until it has the time: 1 January 1970 and 14 March 2026 are 56 years apart."""
+    """A device that begins in 1970 until it has the time: 1 January 1970 and 14 March 2026 are 56 years apart.
+
+    The power moves at row 10 and stands from then on: of the runs from row 29 on the longer one could not be fitted.
+    """
     stamps = [f"{'1970-01-01' if k < first_row else '2026-03-14'} 10:00:{k:02d}" for k in range(60)]
     log = log_of(time=stamps, head="Time,temp_C,power_pct")
-    rows = slice(first_row, None) if first_row < 30 else slice(0, first_row)
+    rows = slice(0, first_row) if first_row >= 10 else slice(first_row, None)
     assert log.temperature_degC == pytest.approx(TEMPERATURE_DEGC[rows], abs=1e-5)
     assert log.time_s[-1] - log.time_s[0] == len(TEMPERATURE_DEGC[rows]) - 1
     if first_row == 29:
-        assert any("clock jumps by years; the file holds 2 runs" in note and "--run" in note for note in log.repairs)
+        assert any("clock jumps by years; the file holds 2 runs" in note and "run 1 was read, the longest in which the power moves: "
+                   "--run" in note for note in log.repairs)
+        assert len(log_of(time=stamps, head="Time,temp_C,power_pct", run=2).time_s) == 31
+
+
+def watts(power_pct):
+    """Cells of a heater of 2000 W with commas in thousands."""
+    return [f"{20.0 * u:,.0f} W" for u in power_pct]
+
+
+def test_commas_of_thousands_that_separate_cells_are_joined_by_the_count_of_cells():
+    power_pct = np.where(TIME_S < 30, POWER_PCT, 42.5)  # 0 W, 1,200 W, 850 W: 4 cells in rows 10 to 29, 3 in the others
+    log = log_of(power=watts(power_pct), head="t_s,temp_C,Heater", power_full_scale=2000.0)
+    assert np.allclose(log.temperature_degC, TEMPERATURE_DEGC, atol=1e-5)
+    assert np.allclose(log.power_pct, power_pct)
+    assert "each two cells of 20 rows were joined" in " ".join(log.repairs)
+
+
+def test_a_comma_that_may_mark_decimals_joins_no_cells():
+    with pytest.raises(LogError, match="4 cells in this row"):  # 0 kW and 1,125 kW, or 1125 kW
+        log_of(power=["1,125 kW" if 9 < k < 20 else "0 kW" for k in range(60)], head="t_s,temp_C,Heater")
+
+
+@pytest.mark.parametrize("cell", ["{:.0f} W", "{:.1f} W"])
+def test_a_power_in_percent_and_watts_by_turns_needs_its_watts_at_full_power(cell):
+    power = [f"{u:g} %" if k % 2 else cell.format(20.0 * u) for k, u in enumerate(POWER_PCT)]
+    with pytest.raises(LogError, match=r"others in W.* --power-full-scale with the reading in W at 100 %"):
+        log_of(power=power, head="t_s,temp_C,Heater")
+    log = log_of(power=power, head="t_s,temp_C,Heater", power_full_scale=2000.0)
+    assert is_true(log)
+    assert "power" not in log.taken.assumed
+
+
+@pytest.mark.parametrize("unit", [" °C", "°C", ""])
+@pytest.mark.parametrize("bad", ["####", "Err", "??"])
+def test_a_damaged_cell_costs_its_row_with_units_in_the_cells_as_without(unit, bad):
+    cells = [bad if k == 20 else f"{y:.6f}{unit}" for k, y in enumerate(TEMPERATURE_DEGC)]
+    log = log_of(temperature=cells, head="t_s,Temp [°C],power_pct")
+    assert np.allclose(log.temperature_degC, np.delete(TEMPERATURE_DEGC, 20), atol=1e-5)
+
+
+def test_thousands_in_groups_are_read_in_two_units():
+    cells = [f"{1000.0 + y:,.2f} °C" if k % 2 else f"{32.0 + 1.8 * (1000.0 + y):,.2f} °F" for k, y in enumerate(TEMPERATURE_DEGC)]
+    log = log_of(temperature=[f'"{cell}"' for cell in cells], head="t_s,Temp,power_pct")
+    assert np.allclose(log.temperature_degC, 1000.0 + TEMPERATURE_DEGC, atol=0.01)
+
+
+def test_words_of_a_switch_in_a_long_table_leave_the_other_cells_their_unit():
+    rows = [row for k, y in enumerate(TEMPERATURE_DEGC) for row in (
+        f"2026-03-14 10:00:{k:02d},Oven,{y:.3f} °C", f"2026-03-14 10:00:{k:02d},Board Temperature,41.2 °C",
+        *([f"2026-03-14 10:00:{k:02d},Element,{'ON' if k else 'OFF'}"] if k in (0, 10) else []))]
+    log = read_log(io.StringIO("\n".join(["time,name,value", *rows]) + "\n"))
+    assert np.allclose(log.temperature_degC, TEMPERATURE_DEGC, atol=1e-3)

@@ -13,7 +13,8 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from itertools import combinations, takewhile
+from functools import partial
+from itertools import combinations, pairwise, takewhile
 from pathlib import Path
 from typing import Final
 
@@ -249,6 +250,7 @@ _UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 _SAMPLE = 50  # lines looked at to find the separator
 _FEW_LINES: Final = 20
 _MANY_LINES: Final = 1000
+_COLOUR: Final = re.compile(r"\x1b\[[\d;]*[A-Za-z]")  # what a terminal's log holds of its colours and lines
 _SEPARATOR_LINE: Final = re.compile(r'[" ]*sep=[;,\t|][" ]*', re.IGNORECASE)  # written by spreadsheets
 _FRAME_LINE: Final = re.compile(r"[-+=| :]*(?:---|===)[-+=| :]*")  # of a table that a database's terminal prints
 _MARKS: Final = ("\t", ";", "|", ",")
@@ -280,6 +282,8 @@ def read_sheet(
     if binary is not None:
         return _sheet_of(path, binary.read(path, data, tag), repairs, 0, skip_rows, skip_empty=skip_empty)
     text = _text(path, data, repairs)
+    if "\x1b[" in text:
+        text = _COLOUR.sub("", text)
     period_s, recorded = 0.0, text.startswith(MARK)
     if recorded:
         period_s = pwm_period_of(text)
@@ -306,6 +310,7 @@ def read_sheet(
     _without_empty_ends(grid, repairs)
     grid.change(usual_form, FORM_MARKS)
     if separator == ",":
+        grid = _join_groups(grid, repairs)
         join_decimals(path, grid, decimal_comma, repairs)
     sheet = _sheet_of_grid(path, grid, np.array(kept.numbers), repairs, damaged + cut, skip_empty=skip_empty)
     comment = () if sheet.header or not len(sheet) else _comment_above(before, separator, len(sheet.columns))
@@ -559,6 +564,55 @@ def _without_empty_ends(rows: Grid, repairs: list[str]) -> None:
         rows.cut(width)
 
 
+def _join_groups(rows: Grid, repairs: list[str]) -> Grid:
+    """Return rows with the two cells of each number joined whose comma groups thousands, where only some have one.
+
+    Rows with a number below 1000 have as many cells as there are names; the others have one more, always at one place,
+    and of the unit in that column, if it bears one: 800 W, and 1,200 W.
+
+    Args:
+        rows: of a file that separates its cells by commas, the names among the first.
+        repairs: list to which the joining is added.
+    """
+    names: list[str] = next(filter(_are_names, rows[:_MOST_TITLES]), [])
+    wider = len(names) + 1
+    if not names or rows.width not in (wider, wider - 1) or wider not in (rows.width, *map(len, rows.aside.values())):
+        return rows
+    wide = list(filter(lambda row: len(row) == wider, rows))
+    others = list(filter(lambda row: len(row) == len(names) and row != names, rows))
+    places = set.intersection(*map(_grouped_places, wide))
+    if len(places) != 1 or not others or not _are_below(others, min(places), wide[0][min(places) + 1]):
+        return rows
+    place = places.pop()
+    repairs.append(f"The commas of thousands in {names[place]!r} also separate the cells; each two cells of "
+                   f"{count(len(wide), 'row')} were joined.")
+    return Grid(map(partial(_joined, place=place, width=wider), rows), len(names))
+
+
+def _are_names(row: Sequence[str]) -> bool:
+    return len(row) > 1 and all(row) and any(map(role_of, row)) and _is_words(row)
+
+
+def _joined(row: list[str], place: int, width: int) -> list[str]:
+    return row if len(row) != width else [*row[:place], row[place] + row[place + 1], *row[place + 2:]]
+
+
+def _grouped_places(row: Sequence[str]) -> set[int]:
+    """Return the places of cells that are thousands with the next one."""
+    return {i for i, pair in enumerate(pairwise(row)) if _GROUPED.fullmatch(",".join(pair))}
+
+
+def _are_below(rows: Sequence[Sequence[str]], place: int, group: str) -> bool:
+    """Return whether the cells of a column are numbers up to 999, some from 100 on, of the unit behind a group."""
+    unit = re.sub(r"^[\d.]+", "", group)
+    figures = [row[place].removesuffix(unit) for row in rows if not says_nothing(row[place]) and row[place] != unit]
+    values = [abs(float(figure)) for figure in figures if is_number(figure) and "," not in figure]
+    return len(values) >= _NEARLY_ALL * len(figures) > 0.0 and 100.0 <= max(values) < 1000.0
+
+
+_GROUPED: Final = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}(?:\.\d+)?( ?\D.*)?")
+
+
 def _comment_above(above: Sequence[tuple[int, str]], separator: str | None, width: int) -> tuple[str, ...]:
     text = next((text.strip() for _, text in reversed(above) if text.strip()), "")
     cells = [cell.strip(' "') for cell in text.lstrip("# ").split(separator and separator[-1])]
@@ -582,11 +636,11 @@ def plain_cells(sheet: Sheet, decimal_comma: str | None = None) -> Sheet:
             sheet = sheet.with_column(i, unmarked)
             repairs.append(f"The marks behind some numbers of column {shown} were left out.")
         column = cells if unmarked is None else unmarked
-        if (common := with_common_unit(column, bare=bare)) is not None:
+        if (common := with_common_unit(column, bare=bare, decimal_commas=comma)) is not None:
             column = common[0]
             sheet = sheet.with_column(i, column)
             repairs.extend(filter(None, [common[1].format(shown)]))
-        plain = plain_quantities(column, decimal_commas=comma)
+        plain = plain_quantities(column, decimal_commas=comma, lenient=bare)
         units.append(plain[1] if plain else "")
         if plain is None:
             continue

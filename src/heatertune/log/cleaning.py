@@ -288,13 +288,22 @@ def in_order(sheet: Sheet, time: Array, repairs: list[str]) -> tuple[Sheet, Arra
     return sheet.at_rows(order), time[order]
 
 
-def one_run(sheet: Sheet, time: Array, wanted: int | None, repairs: list[str]) -> tuple[Sheet, Array, int | None]:
+def one_run(
+    sheet: Sheet, columns: Columns, time: Array, wanted: int | None, repairs: list[str]
+) -> tuple[Sheet, Array, int | None]:
     """Return the rows of one run, their times, and the number of the run, None if there is only one.
 
-    The run is the requested one (1 = first), otherwise the longest.
+    The run is the requested one (1 = first), otherwise the longest of those in which the power moves.
 
     A run begins where the clock restarts at its first value, or jumps by years as it is set; a time that only goes
-    backwards is not a new run. The times [s] are of shape (n,), one for each row.
+    backwards is not a new run.
+
+    Args:
+        sheet: the cells.
+        columns: which column is what.
+        time: of each row, shape (n,) [s].
+        wanted: the requested run, None for the longest in which the power moves.
+        repairs: list to which the choice is added.
 
     Raises:
         LogError: a run that does not exist.
@@ -307,11 +316,16 @@ def one_run(sheet: Sheet, time: Array, wanted: int | None, repairs: list[str]) -
         return sheet, time, wanted
     ends = [*starts[1:], len(time)]
     lengths = [end - start for start, end in zip(starts, ends, strict=True)]
+    power = sheet.columns[columns.index["power"]] if "power" in columns.index else None
+    moves = [power is not None and power.at_rows(slice(start, end)).levels() > 1
+             for start, end in zip(starts, ends, strict=True)]
+    longest = max(range(len(starts)), key=lambda k: (moves[k] and lengths[k] >= MIN_SAMPLES, lengths[k]))
     best = sheet.session is not None and len(starts) == len(sheet.sessions)
     chosen = sheet.session - 1 if best and wanted is None and sheet.session else (
-        int(np.argmax(lengths)) if wanted is None else wanted - 1)
+        longest if wanted is None else wanted - 1)
     begin, end = starts[chosen], ends[chosen]
-    why = "as asked" if wanted is not None else "in which the heater moved most" if best else "the longest"
+    why = "as asked" if wanted is not None else "in which the heater moved most" if best else (
+        "the longest" if lengths[longest] == max(lengths) else "the longest in which the power moves")
     repairs.append(
         f"The {'clock jumps by years; the ' if set_at else ''}file holds {len(starts)} runs (from lines "
         f"{', '.join(map(sheet.line_name, starts))}); run {chosen + 1} was read, {why}: --run reads another."

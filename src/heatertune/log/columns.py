@@ -32,6 +32,7 @@ from heatertune.log.quantities import (
     is_switch_word,
     role_of,
     says_nothing,
+    signal_rank,
     unit_in_name,
 )
 from heatertune.log.sheet import CellColumn, Sheet
@@ -185,7 +186,8 @@ def _by_name(sheet: Sheet, index: dict[str, int], absent: set[str], notes: list[
         heats = [i for i in candidates if role != "power" or not (
             is_cooling(sheet.header[i]) or is_fan(sheet.header[i]))]
         order = {i: (len(candidates) > 1 and role in _MOVING and _stands(sheet.columns[i]),
-                     _is_second(role, sheet.header[i])) for i in heats or candidates}
+                     _is_second(role, sheet.header[i]), role == "power" and signal_rank(sheet.header[i]))
+                 for i in heats or candidates}
         best, *others = sorted(order, key=lambda i: order[i])
         _demand_two_names(sheet, role, [best, *(i for i in others if order[i] == order[best])])
         index[role] = best
@@ -642,7 +644,7 @@ def _from_stamps(sheet: Sheet, columns: Columns, cells: CellColumn, repairs: lis
     parsed, elapsed_s = np.flatnonzero(is_parsed), np.empty(len(cells))
     for row, moment in zip(parsed.tolist(), map(stamp, cells.at_rows(parsed)), strict=True):
         if moment is None or first is None:
-            raise cell_error(sheet, columns, "time", row, "no time:", STAMPS)
+            raise cell_error(sheet, columns, "time", row, "no time:", _ANY_TIME)
         if (moment.tzinfo is None) != (first.tzinfo is None):
             raise cell_error(sheet, columns, "time", row, "with and without a time zone:", f"all like {cells[0]}")
         elapsed_s[row] = (moment - first).total_seconds()

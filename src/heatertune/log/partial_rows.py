@@ -220,14 +220,15 @@ def without_blank_power(sheet: Sheet, columns: Columns, time: Array, repairs: li
     place = columns.index["power"]
     cells = sheet.columns[place]
     written = np.flatnonzero(~cells.where(says_nothing))
+    own_rows = _have_own_rows(blank, written)
     sparse = 0 < len(written) < len(cells) and (
-        sheet.other_file != "" or _is_of_changes(cells.at_rows(written), int(written[0])))
+        own_rows or sheet.other_file != "" or _is_of_changes(cells.at_rows(written), int(written[0])))
     if not sparse:
         return sheet, time, blank & cells.differs() if np.any(blank) else blank
     first = int(written[0])
     last = written[np.searchsorted(written, np.arange(first, len(cells)), side="right") - 1]
-    repairs.append("The power is written where it changes; it was held through "
-                   f"{count(len(cells) - len(written) - first, 'row')}.")
+    how = ("is written where it changes", "has rows of its own")[own_rows]
+    repairs.append(f"The power {how}; it was held through {count(len(cells) - len(written) - first, 'row')}.")
     edge = np.isin(np.arange(len(cells)), written)
     held = sheet.at_rows(slice(first, None)).with_column(place, cells.at_rows(last))
     if sheet.power_lines is not None:
@@ -265,6 +266,16 @@ def _is_of_changes(written: CellColumn, first: int) -> bool:
     """Return whether written cells are changes; a single one is where `first`, the row of the first one, is 0."""
     repeats = np.count_nonzero(~written.differs()[1:])
     return bool((len(written) > 1 or first == 0) and repeats <= _REPEATS * len(written))
+
+
+_OFTEN: Final = 0.1  # share of the rows; a power that is written where it changes seldom has as many
+
+
+def _have_own_rows(blank: Mask, written: npt.NDArray[np.intp]) -> bool:
+    """Return whether each row holds either a temperature or a power, as where two devices write one table."""
+    powered = np.isin(np.arange(len(blank)), written)
+    alone = np.count_nonzero(powered)
+    return bool(alone >= _OFTEN * len(blank) and np.count_nonzero(powered != blank) <= _REPEATS * len(blank))
 
 
 _MOST_LABELS: Final = 100

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -18,7 +19,7 @@ from heatertune.log.sheet import Sheet
 from heatertune.settings import ReadSettings
 from heatertune.units import count
 
-__all__ = ["power_of", "with_switch"]
+__all__ = ["power_of", "with_one_unit", "with_switch"]
 
 
 #: readings without power and at full power of signals with a live zero, and the unit of each
@@ -99,6 +100,7 @@ _SWITCH: Final = re.compile(
     r"relay|relais|\bssr\b|switch|schalter|[_ ](on|ein|state|status|active|aktiv)$", re.IGNORECASE)
 _PWM: Final = re.compile("pwm", re.IGNORECASE)
 _PERCENT_FULL: Final = 100.0
+_WATTS: Final = re.compile(r"(^|[\[(/ _0-9])k?W[\])]?$|watt", re.IGNORECASE)
 _SHOWN_SCALES: Final = 3
 _MOST_STEPS: Final = 5  # levels of a test by hand
 _SMALL: Final = 12.0  # a power in percent that never exceeds this may be volts of 0…10 V or amperes
@@ -259,7 +261,9 @@ def _assumed(sheet: Sheet, columns: Columns, values: Array, repairs: list[str], 
                        expected=f"{asked} for such a signal, --power-full-scale with the reading at full power if "
                                 "it is 0 without power, or --power-column none")
     if why:
-        likely = [scale for scale in _FULL_SCALES if largest <= scale][:_SHOWN_SCALES] if largest > 100.0 else []
+        is_in_watts = _WATTS.search(columns.units.get("power", name)) is not None
+        likely = [scale for scale in _FULL_SCALES if largest <= scale][:_SHOWN_SCALES] if (
+            largest > 100.0 and not is_in_watts) else []
         perhaps = f" ({' or '.join(map(str, likely))}?)" if likely else ""
         raise LogError(f"a power up to {largest:g} {why}", file=sheet.file, column=name,
                        expected=_EXPECTED.format(perhaps))
@@ -268,6 +272,48 @@ def _assumed(sheet: Sheet, columns: Columns, values: Array, repairs: list[str], 
         doubts.append(f"The power, taken as percent, never exceeds {largest:g} %: were it volts or amperes, "
                       "--power-full-scale would have to tell the reading at full power.")
     return 100.0
+
+
+_SHARE_OR_OTHER: Final = re.compile(r"(.*\d) ?(%|k?W|m?V)")
+_SIZES: Final = {"W": 1.0, "kW": 1e3, "V": 1.0, "mV": 1e-3}
+
+
+def with_one_unit(sheet: Sheet, columns: Columns, full_scale: float | None) -> tuple[Sheet, Columns]:
+    """Return a power of which some cells are in percent and the others in W or V in that unit alone.
+
+    Args:
+        sheet: the cells.
+        columns: which column is what.
+        full_scale: power or voltage of 100 %, if stated by the user [W or V].
+
+    Raises:
+        LogError: there are such cells, and it is not stated.
+    """
+    place = columns.index.get("power")
+    if place is None or columns.units.get("power") or not sheet.columns[place].holds("%"):
+        return sheet, columns
+    cells = sheet.columns[place]
+    kinds = [_SHARE_OR_OTHER.fullmatch(cell) for cell in cells.kinds() if not says_nothing(cell)]
+    others = {match[2][-1] if match else "" for match in kinds} - {"%"}
+    if len(others) != 1 or "" in others:
+        return sheet, columns
+    unit = others.pop()
+    if full_scale is None:
+        row = int(np.flatnonzero(cells.where(lambda cell: cell.endswith(unit)))[0])
+        raise cell_error(sheet, columns, "power", row, f"some cells are in %, others in {unit}:",
+                         f"--power-full-scale with the reading in {unit} at 100 %, or --power-column none")
+
+    note = f"The cells of the power in % and in {unit} were read with 100 % at {full_scale:g} {unit}, as stated."
+    sheet = sheet.with_column(place, cells.map(partial(_in_unit, full_scale=full_scale)))
+    return replace(sheet, repairs=(*sheet.repairs, note)), replace(columns, units={**columns.units, "power": unit})
+
+
+def _in_unit(cell: str, full_scale: float) -> str:
+    """Return the number of a cell in W or V, of one in % by that at 100 %."""
+    match = _SHARE_OR_OTHER.fullmatch(cell)
+    if match is None:
+        return cell
+    return f"{float(match[1].replace(',', '.')) * {'%': full_scale / 100.0, **_SIZES}[match[2]]:.12g}"
 
 
 def with_switch(sheet: Sheet, settings: ReadSettings) -> tuple[Sheet, ReadSettings]:

@@ -11,6 +11,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from itertools import accumulate, combinations, pairwise
+from operator import itemgetter
 from pathlib import Path
 from typing import Final
 
@@ -25,8 +26,8 @@ from heatertune.units import count, degF_to_degC, kelvin_to_degC
 __all__ = [
     "FORM_MARKS", "NOTHING", "ROLES", "demand_one_unit", "group_mark", "is_foreign", "is_heated", "is_in_celsius",
     "is_number", "is_quantity", "is_scaled", "is_second_choice", "is_switch_word", "join_decimals", "on_or_off",
-    "plain_name", "plain_quantities", "role_of", "says_nothing", "unit_in_name", "usual_form", "with_common_unit",
-    "without_marks",
+    "plain_name", "plain_quantities", "role_of", "says_nothing", "signal_rank", "unit_in_name", "usual_form",
+    "with_common_unit", "without_marks",
 ]
 
 
@@ -54,12 +55,13 @@ _NAMES: Final[dict[str, re.Pattern[str]]] = {
         r"|^T\d*$|^[tT]\d* ?[\[(/ ] ?[KCF]\b|\bT\d*$"),
     "power": re.compile(
         r"(?i:power|duty|heat(er|ing)|pwm|output|\bc[vo]\d*\b|\bop\d*\b|^[uq]\d*($|[ \[(/])|leistung"
+        r"|^p\d* ?[\[(/] ?k?w\b"
         r"|stell|heiz|volt|watt|spannung|strom|\bcurrent|\bamp(s|ere)?\b"
         r"|^control( signal| value)?$|manipulat|ausgang|\bactive ?out"
         r"|\belement ?\d*\b"
     r"|relais|relay|\bssr\b|^heat$|heat ?(pct|percent|%)"
         r"|\bout\d*\b|puissance|pot[eê]nci?a|potenza|vermogen|^moc\b|výkon|мощност|нагрев|功率|出力"
-        r"|输出|加热|加熱|操作量|ヒータ|effekt|^güç|출력|히터|^teho\b|saída|salida|sortie|uscita|aquec|calefac|chauff|riscald|verwarm|grzał|topení|ohřev|ısıt"
+        r"|输出|加热|加熱|操作量|ヒータ|effekt|^güç|çıkış|출력|히터|^teho\b|saída|salida|sortie|uscita|aquec|calefac|chauff|riscald|verwarm|grzał|topení|ohřev|ısıt"
         r"|värme\b|varme\b|pådrag|lämmit|fűt[eé]|teljesítm|θέρμανσ|ισχύ|потужн|нагрів|putere|încălz|הספק|חימום|กำลัง)"
         r"|\bMV\d*\b"),
 }
@@ -186,6 +188,15 @@ def is_foreign(role: str, name: str) -> bool:
     return unit_in_name(role, name) is None and _FOREIGN[role].search(plain_name(name).lower()) is not None
 
 
+def signal_rank(name: str) -> int:
+    """Return 0 for a power in W or a share, 1 for another signal, 2 for one in mV, as of a thermocouple."""
+    unit = _SIGNAL.search(plain_name(name))
+    return 0 if unit is None else 2 if unit[1] == "mV" else 1
+
+
+_SIGNAL: Final = re.compile(r"[\[(/ ](m?[VA])[\])]?$")
+
+
 def is_scaled(role: str, name: str) -> bool:
     """Return whether a column's name says that its numbers are a multiple of a unit: Temp_x10, time [10 ms]."""
     return _SCALED["temperature" if role == "setpoint" else role].search(plain_name(name)) is not None
@@ -274,6 +285,14 @@ def group_mark(cells: CellColumn, *, decimal_commas: bool | None = None) -> str:
     return ""
 
 
+def _without_groups(cells: CellColumn, *, decimal_commas: bool | None = None) -> CellColumn | None:
+    """Return cells without the marks that group their thousands, None if that is not certain; see `group_mark`."""
+    mark = group_mark(cells, decimal_commas=decimal_commas)
+    if not mark:
+        return None
+    return cells.map(lambda cell: cell.replace(mark, "") if _GROUPED[mark].fullmatch(cell) else cell)
+
+
 def _goes_on(cells: Sequence[str], mark: str, decimal_mark: str) -> bool:
     """Return whether numbers without a mark, up to 999, and those with it follow each other as thousands."""
     like = re.compile(r"([+-]?[\d.,]+)" + re.escape(re.sub(r"[+-]?[\d.,]+", "", cells[0], count=1)))  # of one unit
@@ -348,7 +367,9 @@ def is_switch_word(cell: str) -> bool:
     return cell.lower() in _ON | _OFF
 
 
-def plain_quantities(cells: CellColumn, *, decimal_commas: bool | None = None) -> tuple[CellColumn, str, bool] | None:
+def plain_quantities(
+    cells: CellColumn, *, decimal_commas: bool | None = None, lenient: bool = False
+) -> tuple[CellColumn, str, bool] | None:
     """Return plain numbers, the common unit, and whether there were decimal commas; None if nothing changes.
 
     A column with both commas and points of which neither is certain to group thousands is left unchanged; so is one
@@ -357,16 +378,16 @@ def plain_quantities(cells: CellColumn, *, decimal_commas: bool | None = None) -
     Args:
         cells: of a column.
         decimal_commas: whether the user says that its numbers have decimal commas; None: that is not known.
+        lenient: whether a few words among cells with a unit are damaged ones; in a long table they are another signal.
     """
-    if mark := group_mark(cells, decimal_commas=decimal_commas):
-        cells = cells.map(lambda cell: cell.replace(mark, "") if _GROUPED[mark].fullmatch(cell) else cell)
-        return plain_quantities(cells) or (cells, "", False)
+    if (figures := _without_groups(cells, decimal_commas=decimal_commas)) is not None:
+        return plain_quantities(figures, lenient=lenient) or (figures, "", False)
     first = next((cell for cell in cells if not says_nothing(cell)), "")
     if is_quantity(first) and (sized := _in_base_unit(cells)) is not None:
         return (*sized, False)
     if not is_quantity(first) and not cells.holds(","):
         return None
-    unit = _common_unit(cells.kinds()) if is_quantity(first) else ""
+    unit = _common_unit(cells, lenient=lenient) if is_quantity(first) else ""
 
     def figure(cell: str) -> str:
         match = _QUANTITY.fullmatch(cell) if unit and not says_nothing(cell) else None
@@ -397,10 +418,13 @@ _WRITTEN: Final = re.compile(
     rf"({_FIGURE}|[-.#]+|err|nan|n/a|null)[ \u00a0\u202f]*[\[(]?([^\d\s.,:+\-\[()\]][^\d\[()\]]*)[\])]?", re.IGNORECASE)
 _TO_CELSIUS: Final[dict[str, Callable[[float], float]]] = {
     "°C": lambda value: value, "°F": degF_to_degC, "K": kelvin_to_degC}
+_GROUPED_QUANTITY: Final = re.compile(r"[+-]?\d{1,3}[.,]\d{3}[\d.,]* ?[^\d\s.,].*")
 _LOOKED_AT: Final = 64  # cells, to see whether any bears a unit
 
 
-def with_common_unit(cells: CellColumn, *, bare: bool) -> tuple[CellColumn, str] | None:
+def with_common_unit(
+    cells: CellColumn, *, bare: bool, decimal_commas: bool | None = None
+) -> tuple[CellColumn, str] | None:
     """Return cells whose unit is written in one way, and what was done; None if nothing is to be done.
 
     Several notations of a unit become one. Temperatures in several units become °C. A number without a unit has that
@@ -409,13 +433,18 @@ def with_common_unit(cells: CellColumn, *, bare: bool) -> tuple[CellColumn, str]
     Args:
         cells: of a column.
         bare: whether numbers without a unit may be of the same quantity.
+        decimal_commas: as of `group_mark`.
     """
     some = cells.at_rows(np.unique(np.linspace(0, len(cells) - 1, _LOOKED_AT).astype(np.intp)))
-    if not any(_unit_of(cell)[1] for cell in some):
+    if any(map(_GROUPED_QUANTITY.fullmatch, some)):
+        cells = _without_groups(cells, decimal_commas=decimal_commas) or cells
+    elif not any(map(itemgetter(1), map(_unit_of, some))):
         return None
     parts = {cell: _unit_of(cell) for cell in cells.kinds()}
     units = sorted({unit for _, unit in parts.values()} - {""})
-    return _converted(cells, parts, units) if len(units) > 1 else _in_one_notation(cells, parts, units[0], bare=bare)
+    if len(units) > 1:
+        return _converted(cells, parts, units)
+    return _in_one_notation(cells, parts, units[0], bare=bare) if units else None
 
 
 def _converted(
@@ -503,16 +532,18 @@ def _in_base_unit(cells: CellColumn) -> tuple[CellColumn, str] | None:
 _TWO: Final = 2
 
 
-def _common_unit(kinds: Iterable[str]) -> str:
-    """Return the unit of all cells that hold something, "" where they are not all alike."""
-    unit = ""
-    for cell in kinds:
-        match = None if says_nothing(cell) else _QUANTITY.fullmatch(cell)
-        own = "" if match is None else match[2].strip()
-        if not says_nothing(cell) and (not own or own != (unit or own)):
-            return ""
-        unit = own or unit
-    return unit
+def _common_unit(cells: CellColumn, *, lenient: bool) -> str:
+    """Return the unit of all cells that hold something, `lenient` but for a few words, "" where they differ."""
+    found = {cell: _QUANTITY.fullmatch(cell) for cell in cells.kinds() if not says_nothing(cell)}
+    units = {match[2].strip() for match in found.values() if match is not None}
+    strange = {cell for cell, match in found.items() if match is None}
+    if len(units) != 1 or any(map(is_number, strange)) or (
+            strange and np.count_nonzero(cells.where(strange.__contains__)) > lenient * _MOST_WORDS * len(cells)):
+        return ""
+    return units.pop()
+
+
+_MOST_WORDS: Final = 0.1  # share of the cells
 
 
 _WHOLE: Final = re.compile(r"[+-]?\d+|.*:\d\d")

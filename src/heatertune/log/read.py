@@ -58,7 +58,7 @@ from heatertune.log.log_values import (
     built_in,
 )
 from heatertune.log.partial_rows import Mask, held_readings, on_change, rows_of_one_heater, spread, without_blank_power
-from heatertune.log.power_range import power_of, with_switch
+from heatertune.log.power_range import power_of, with_one_unit, with_switch
 from heatertune.log.quantities import ROLES, is_scaled, on_or_off, says_nothing
 from heatertune.log.sheet import Sheet
 from heatertune.log.side_columns import SIDE_ROLES, is_cooling, moving_heaters, quoted
@@ -229,13 +229,14 @@ def read_log(
     sheet, asked = _with_power_log(sheet, asked, power_content)
     sheet, asked = with_switch(sheet, asked)
     tagged, sheet, columns = _placed(sheet, asked)
+    sheet, columns = with_one_unit(sheet, columns, asked.power_full_scale)
     repairs = [*sheet.repairs, *columns.notes]
     if asked.sample_time_s is None:
         sheet = without_strays(sheet, columns, repairs)
     clock = seconds(sheet, columns, asked.time_unit, asked.sample_time_s, repairs)
     sheet, time = forwards(sheet, clock.values, repairs)
     sheet, time = in_order(*without_unset_clock(sheet, time, repairs), repairs)
-    sheet, time, chosen_run = one_run(sheet, time, asked.run, repairs)
+    sheet, time, chosen_run = one_run(sheet, columns, time, asked.run, repairs)
     time = spread_instants(sheet, columns, time, repairs)
     sheet, time, edges = without_blank_power(sheet, columns, time, repairs)
     sheet, time, edges = without_unreadable_power(sheet, columns, time, edges, repairs)

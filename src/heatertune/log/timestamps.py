@@ -23,7 +23,7 @@ __all__ = [
 #: the formats of `stamp`, for messages
 STAMPS: Final = "2026-03-01 10:00:00 (ISO 8601), 01.03.2026 10:00:00 or 10:00:00"
 
-_DAY_FIRST = re.compile(r"(\d{1,2})([-./])(\d{1,2})\2(\d{4}|\d\d)(?:,?[ T]+(.+))?")
+_DAY_FIRST = re.compile(r"(\d{1,2})([-./]) ?(\d{1,2})\2 ?(\d{4}|\d\d)(?:,?[ T]+(.+))?")
 _YEAR_FIRST = re.compile(r"(\d{4}) ?[-/.] ?(\d{1,2}) ?[-/.] ?(\d{1,2})(?:\.? *[-T:_ ] *(\S.*))?")
 _ORDINAL: Final = re.compile(r"(\d{4})-?([0-3]\d\d)[T ]+(\d.*)")  # the day of the year, ISO 8601
 _DIGITS = re.compile(r"((?:19|20)\d\d)([01]\d)([0-3]\d)[T_ ]?([0-2]\d)([0-5]\d)(?:([0-5]\d)(?:\.?(\d{1,6}))?)?")
@@ -31,11 +31,11 @@ _CLOCK = re.compile(r"\d{1,2}:\d\d(:\d\d([.,:]\d+)?)?( ?[AaPp]\.?[Mm]\.?)?")
 _DOTTED_CLOCK = re.compile(r"(\d{1,2})\.(\d\d)\.(\d\d)(?!\d)")
 _NOON = re.compile(r"(\d{1,2})(:\d\d.*?) ?([AaPp])\.? ?[Mm]\.?")
 _NOON_BEFORE = re.compile(r"([AP]M) ?(\d{1,2}:\d\d(?::\d\d)?(?:\.\d+)?)")
-_DATE = re.compile(r"\d{4}[-/.]\d\d?[-/.]\d\d?|\d\d?([-./])\d\d?\1(\d{4}|\d\d)")
+_DATE = re.compile(r"\d{4}[-/.]\d\d?[-/.]\d\d?|\d\d?([-./]) ?\d\d?\1 ?(\d{4}|\d\d)")
 _SLASHED = re.compile(r"(\d{1,2})[-/](\d{1,2})[-/](\d{4}|\d\d)(?!\d)")
 #: 2026年03月14日 09時58分00秒, and the same in Korean
 _CHARACTERS: Final = str.maketrans(
-    {**dict.fromkeys("年月년월", "-"), **dict.fromkeys("時分시분", ":"), **dict.fromkeys("日일秒초"),
+    {**dict.fromkeys("年月년월", "-"), **dict.fromkeys("時时分시분", ":"), **dict.fromkeys("日일秒초"),
      **dict.fromkeys("\u00a0\u202f\u2009\u3000", " ")})
 _HALVES: Final = re.compile("(上午|午前|오전|πμ|π\\.μ\\.)|下午|午後|오후|μμ|μ\\.μ\\.")
 #: the beginnings of the months' names: English, German, French, Spanish, Italian, Portuguese, Dutch, Polish, Czech,

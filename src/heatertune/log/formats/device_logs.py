@@ -287,13 +287,17 @@ def _field_names(records: Sequence[Mapping[str, str]]) -> dict[str, str]:
     return {name: short for name, short in names.items() if role_of(short) is not None or _varies(records, name)}
 
 
+#: 09:58:00.123 MQT: tele/oven/SENSOR = {"Time": …}
+_TOPIC: Final = re.compile(r"^[^{\"]*[/\w] ?[=:] ?(?=\{\")")
+
+
 def _json_records(numbered: Sequence[Line]) -> tuple[list[dict[str, str]], list[int], int]:
     """Return name → cell of the records, the line of each, and how many lines hold none."""
     records: list[dict[str, str]] = []
     lines, decode = list[int](), json.JSONDecoder().raw_decode
     for number, line in numbered:
         try:
-            record, end = decode(text := line.strip().rstrip(","))
+            record, end = decode(text := _TOPIC.sub("", line.strip().rstrip(",")))
         except (ValueError, RecursionError):
             continue
         if isinstance(record, dict) and not text[end:].strip(" \t"):
@@ -360,7 +364,8 @@ def _has_lists(lines: Sequence[Line]) -> bool:
 
 
 def _starts_as_json(lines: Sequence[Line]) -> bool:
-    return bool(lines) and re.match(r"\s*(\[\s*$|\[?\s*\{)", lines[0][1]) is not None and any(
+    first = _TOPIC.sub("", lines[0][1]) if lines else ""
+    return re.match(r"\s*(\[\s*$|\[?\s*\{)", first) is not None and any(
         re.search(r"\"\s*:", line) for _, line in lines[:50])
 
 
@@ -376,7 +381,55 @@ def _is_profile(lines: Sequence[Line]) -> bool:
     return bool(lines) and _ALOG.match("\n".join(line for _, line in lines[:2000])) is not None
 
 
+def _is_query(lines: Sequence[Line]) -> bool:
+    return bool(lines) and lines[0][1].lstrip().startswith("{") and any(
+        '"matrix"' in line[:_HEAD] and '"resultType"' in line[:_HEAD] for _, line in lines[:5])
+
+
+_HEAD: Final = 1000
+
+
+def _series(path: Path, numbered: Sequence[Line], _: str | None) -> FormatTable:
+    """Return the series of a range query to Prometheus as a long table, named by the labels that they do not share."""
+    try:
+        series = json.loads("\n".join(line for _, line in numbered))["data"]["result"]
+        metrics = [set(each["metric"].items()) for each in series]
+        shared = set.intersection(*metrics)
+        rows = [[str(second), " ".join(sorted(value for _, value in metric - shared)), str(value)]
+                for metric, each in zip(metrics, series, strict=True) for second, value in each["values"]]
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as problem:
+        raise LogError("a query's result that cannot be read", file=path,
+                       expected="the whole answer to a range query") from problem
+    rows.sort(key=lambda row: float(row[0]))
+    return FormatTable(("time", "tag", "value"), rows, list(range(1, len(rows) + 1)), [
+        f"Range query of Prometheus: {len(series)} series read."])
+
+
+_INSERT: Final = re.compile(r"INSERT INTO [\"`]?(\w+)[\"`]?(?: ?\(([^)]*)\))? VALUES ?\((.*)\);?$")
+_CREATE: Final = re.compile(r"CREATE TABLE (?:IF NOT EXISTS )?[\"`]?(\w+)[\"`]? ?\((.*)\);?$")
+
+
+def _sql(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
+    """Return the largest table of a dump of SQLite, a row for each line that inserts one."""
+    rows: dict[str, list[tuple[int, list[str]]]] = {}
+    names: dict[str, str] = {}
+    for number, line in numbered:
+        if found := _INSERT.match(line):
+            cells = next(csv.reader([found[3]], quotechar="'", skipinitialspace=True))
+            rows.setdefault(found[1], []).append((number, cells))
+            names.setdefault(found[1], found[2] or "")
+        elif found := _CREATE.match(line):
+            names[found[1]] = ",".join(re.findall(r"(?:^|,)\s*[\"`]?(\w+)", found[2]))
+    table = max(rows, key=lambda name: len(rows[name]))
+    lines, cells_of = zip(*rows[table], strict=True)
+    header = tuple(name.strip(' "`') for name in names[table].split(","))
+    return FormatTable(header if len(header) == len(cells_of[0]) else (), list(cells_of), lines, [
+        f"Dump of a database: {count(len(lines), 'row')} of the table {table!r} read."])
+
+
 DEVICE_LOGS: Final = (
+    TextFormat("range query of Prometheus", _is_query, _series),
+    TextFormat("dump of SQLite", matching(_INSERT), _sql),
     TextFormat("log of kiln-controller", matching(_KILN), _kiln),
     TextFormat("log of ESPHome", matching(_ESPHOME), _esphome),
     TextFormat("line protocol of InfluxDB", matching(re.compile(rf"^{_POINT.pattern}$")), _line_protocol),

@@ -155,22 +155,22 @@ def _reports(numbered: Sequence[Line]) -> tuple[dict[str, list[str]], dict[str, 
     behind each heater.
     """
     heaters, lines = dict[str, list[str]](), dict[str, list[int]]()
-    counts: dict[tuple[tuple[str, str, str], ...], dict[str, int]] = {}  # a log has few
+    counts: dict[tuple[tuple[str, str, str], ...], dict[str, str]] = {}  # a log has few
     full = _MARLIN_FULL
     for number, line in numbered:
         if _REPORT.search(line) is None:
             continue
         if (sent := counts.get(found := (*_SENT.findall(line),))) is None:
-            sent = counts[found] = {letter + digit: int(value) for letter, digit, value in found}
-            if [*sent][:2] == ["B", ""] or max(sent.values(), default=0) > _MARLIN_FULL:
+            sent = counts[found] = {letter + digit: f"{int(value)}" for letter, digit, value in found}
+            if [*sent][:2] == ["B", ""] or max(map(int, sent.values()), default=0) > _MARLIN_FULL:
                 full = _EIGHT_BITS_FULL
-        if not sent and (sent := {name: int(value) for name, value in _SMOOTHIE.findall(line)}):
+        if not sent and (sent := {name: f"{int(value)}" for name, value in _SMOOTHIE.findall(line)}):
             full = _EIGHT_BITS_FULL
         stamp = line_stamp(line)
         for name, degC, target in _PART.findall(line):
             power = sent.get(name, sent.get(name[1:], sent.get("") if name in ("T", "T0") else None))
             if power is not None:
-                heaters.setdefault(name, []).extend((stamp, name, degC, str(power), target))
+                heaters.setdefault(name, []).extend((stamp, name, degC, power, target))
                 lines.setdefault(name, []).append(number)
     if "T0" in heaters:
         heaters.pop("T", None)  # the same hot end twice
