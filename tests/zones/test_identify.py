@@ -288,6 +288,12 @@ def test_heaters_on_a_supply_that_sags_are_named_with_their_shares():
                                  powers_pct=asked[::10]))
     texts = [each.message for each in fitted.findings if each.name == "shared-supply"]
     assert len(texts) == len(fitted.findings) == 2
+    for zone, share in zip("ab", (0.30, 0.15), strict=True):
+        assert fitted.ci95[f"supply_share {zone}"].low <= share <= fitted.ci95[f"supply_share {zone}"].high
+    assert [np.round(network.supply_shares, 2).tolist() for _, network in fitted.draw(0)[:1]] == [[0.30, 0.15]]
+    most, least = (dict(fitted.draw(0))[label].supply_shares for label in ("largest sag of the supply", "smallest sag"))
+    assert np.all(np.array(least) < (0.30, 0.15))
+    assert np.all(np.array(most) > (0.30, 0.15))
     for text, zone, share in zip(texts, "ab", (30.0, 15.0), strict=True):
         assert f"while the heater of zone {zone} is on" in text
         assert abs(float(text.split("gives ")[1].split(" %")[0]) / share - 1.0) < 0.03

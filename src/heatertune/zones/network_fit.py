@@ -47,21 +47,25 @@ _BELOW: Final = 0.4  # exchange below 0 that a fit may try, of all neighbours of
 _LEAST_SHOWN: Final = 1e-14  # of a direction of the parameters, relative to what the log shows of each
 _KNOWN: Final = 10.0  # ratio of an end of a lag's interval to the lag, beyond which the log does not show it
 _OTHERS: Final = 0.25  # of the squares that no power, or the own one, leaves: less shows what heats or cools a zone
+#: share of a heater's power that others may take
+MOST_LOST: Final = 0.9
 _MOVED: Final = 0.05  # of the squares of a zone's temperatures: more is left without the power that moves it
 
 
 class ParameterLayout(NamedTuple):
-    """Places of the parameters: of each zone log K, log T, L, a, the first temperature, with a second lag its log; c.
+    """Places of the parameters: of each zone log K, log T, L, a, the first temperature, with a second lag its log; c; s.
 
     Attributes:
         size: number of zones.
         pairs: (zone, neighbour) of each coupling.
         second: whether each zone has a second lag.
+        shared: whether the heaters share a supply; then the share of each zone is the last of the parameters.
     """
 
     size: int
     pairs: tuple[tuple[int, int], ...]
     second: bool
+    shared: bool = False
 
     @property
     def per_zone(self) -> int:
@@ -72,9 +76,19 @@ class ParameterLayout(NamedTuple):
         """Return the parameters by zone, shape (n, 5 or 6), and the matrix of the couplings, shape (n, n)."""
         own = values[: self.size * self.per_zone].reshape(self.size, self.per_zone)
         exchange = np.zeros((self.size, self.size))
-        for (zone, other), value in zip(self.pairs, values[self.size * self.per_zone:], strict=True):
+        for (zone, other), value in zip(self.pairs, self.couplings(values), strict=True):
             exchange[zone, other] = value
         return own, exchange
+
+    def couplings(self, values: Array) -> Array:
+        """Return the parameters of the couplings, shape (c,)."""
+        first = self.size * self.per_zone
+        return values[first: first + len(self.pairs)]
+
+    @property
+    def first_share(self) -> int:
+        """Place of the share of the first zone, where the heaters share a supply."""
+        return self.size * self.per_zone + len(self.pairs)
 
     def case(self, values: Array) -> tuple[Modes, Array, Array]:
         """Return what `simulate_many` takes, of parameters of shape (p,)."""
@@ -84,14 +98,15 @@ class ParameterLayout(NamedTuple):
         return modes, own[:, 2], own[:, 4]
 
     def network(self, zones: tuple[str, ...], values: Array) -> ThermalNetwork:
-        """Return the network of parameters of shape (p,); no coupling or dead time is below 0, no ambient below 0 K."""
+        """Return the network of parameters of shape (p,); no coupling, dead time or share is below 0, no ambient 0 K."""
         own, exchange = self.parts(values)
         return ThermalNetwork(
             zones=zones, gains_degC_per_pct=tuple(np.exp(own[:, 0])), time_constants_s=tuple(np.exp(own[:, 1])),
             dead_times_s=tuple(np.maximum(own[:, 2], 0.0)),
             ambients_degC=tuple(np.maximum(own[:, 3], ABSOLUTE_ZERO_DEGC)),
             exchange=np.maximum(exchange, 0.0),
-            second_time_constants_s=tuple(np.exp(own[:, 5])) if self.second else ())
+            second_time_constants_s=tuple(np.exp(own[:, 5])) if self.second else (),
+            supply_shares=tuple(np.clip(values[self.first_share:], 0.0, MOST_LOST)) if self.shared else ())
 
 
 class NetworkFit(NamedTuple):
@@ -396,7 +411,6 @@ def most_below(layout: ParameterLayout) -> float:
 
 
 _MOST_SUPPLY_STEPS: Final = 30
-_MOST_LOST: Final = 0.9  # of a heater's power
 _LEAST_LOST: Final = 0.02  # below it a share is no sag of a supply
 
 
@@ -421,6 +435,12 @@ class SupplyFit(NamedTuple):
         return bool(explanation_gain(fit, self.fit) > _SIGNIFICANT * len(self.shares)
                     and np.any(self.shares - self.reach > _LEAST_LOST) and np.all(self.shares + self.reach > 0.0)
                     and np.all(self.shares + self.reach < 1.0))
+
+    @property
+    def whole(self) -> NetworkFit:
+        """The fit with the shares among its parameters."""
+        layout, values = self.fit.layout._replace(shared=True), np.concatenate([self.fit.values, self.shares])
+        return NetworkFit(layout, values, self.fit.residuals, self.fit.jacobian)
 
     def findings(self, zones: Sequence[str]) -> Iterator[Finding]:
         """Yield which zones take power from the others."""
@@ -482,7 +502,7 @@ def _refined(problem: NetworkProblem, fit: NetworkFit, shares: Array) -> SupplyF
             step = np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), slope)
             tried = np.concatenate([
                 problem.within_limits(layout, both[:count], step[:count]),
-                np.clip(both[count:] + np.clip(step[count:], -0.2, 0.2), -_MOST_LOST, _MOST_LOST)])
+                np.clip(both[count:] + np.clip(step[count:], -0.2, 0.2), -MOST_LOST, MOST_LOST)])
             errors = _residuals(problem, layout, tried)
             gained = cost - float(np.sum((errors * weights) ** 2))
             if np.all(np.isfinite(errors)) and gained > 0.0:
