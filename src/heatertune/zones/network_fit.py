@@ -175,16 +175,45 @@ class NetworkProblem:
             couplings += found
         return np.concatenate([own.ravel(), couplings])
 
-    def _balances(self, zone: int, power: int | None, others: Sequence[int]) -> Iterator[_HeatBalance]:
-        """Yield a zone's integrated heat balance with the power of a zone, or none, at several dead times."""
+    def weak_exchange_start(self, layout: ParameterLayout) -> Array | None:
+        """Return parameters with second lags and a weak exchange, shape (p,), as the heat balances give the others.
+
+        A short log may leave exchange and losses open together, and one without the lags be explained by either. None
+        where a balance shows no heater.
+        """
+        own = []
+        for zone in range(layout.size):
+            others = [other for first, other in layout.pairs if first == zone]
+            tried = (each for each in self._balances(zone, zone, others, _EXCHANGE_AT_START) if each.is_heater)
+            best = min(tried, key=attrgetter("squares"), default=None)
+            if best is None:
+                return None
+            (gain, lag, dead, *rest), _ = self._from_balance(zone, best, 0)
+            own.append([gain, lag, _OF_DEAD_TIME * dead, *rest,
+                        math.log(max(_OF_DEAD_TIME * dead, _OF_LAG * math.exp(lag)))])
+        return np.concatenate([np.array(own).ravel(), np.full(len(layout.pairs), _EXCHANGE_AT_START)])
+
+    def _balances(self, zone: int, power: int | None, others: Sequence[int], exchange: float | None = None
+                  ) -> Iterator[_HeatBalance]:
+        """Yield a zone's integrated heat balance with the power of a zone, or none, at several dead times.
+
+        Args:
+            zone: its number.
+            power: number of the zone whose power heats it; None: of none.
+            others: its neighbours.
+            exchange: with each of these; None: what explains the readings best.
+        """
         steps = np.diff(self.time_s)
         integral = np.vstack([np.zeros(len(self.courses)), np.cumsum(
             0.5 * (self.readings[1:] + self.readings[:-1]) * steps[:, None], axis=0)])
         elapsed = self.time_s - self.time_s[0]
         for dead in (0.0, *np.geomspace(0.5 * float(np.median(steps)), self.longest_s, _DEAD_TIMES)):
             exchanged: list[Array] = [integral[:, other] - integral[:, zone] for other in others]
+            own = integral[:, zone]
+            if exchange is not None:
+                own, exchanged = own - exchange * np.sum(exchanged, axis=0), []
             energy = 0.0 * elapsed if power is None else self._energy(power, float(dead))
-            columns = np.column_stack([elapsed, integral[:, zone], energy, np.ones(len(elapsed)), *exchanged])
+            columns = np.column_stack([elapsed, own, energy, np.ones(len(elapsed)), *exchanged])
             scale = np.abs(columns).max(axis=0) + 1e-30
             solution, *_ = np.linalg.lstsq(columns / scale, self.readings[:, zone], rcond=None)
             yield _HeatBalance(float(np.sum((columns @ (solution / scale) - self.readings[:, zone]) ** 2)),
@@ -383,9 +412,9 @@ class NetworkProblem:
         layout = fit.layout._replace(second=True)
         both = (self.fit(layout, np.concatenate([each.ravel(), fit.values[own.size:]])) for each in (start, exchanged))
         wider = max(both, key=partial(explanation_gain, fit))
-        return wider if explanation_gain(fit, wider) > _BIC * fit.layout.size and self._bounds_lags(wider) else fit
+        return wider if explanation_gain(fit, wider) > _BIC * fit.layout.size and self.bounds_lags(wider) else fit
 
-    def _bounds_lags(self, fit: NetworkFit) -> bool:
+    def bounds_lags(self, fit: NetworkFit) -> bool:
         """Return whether a fit with second lags tells the size of each lag."""
         own = np.diag(self.covariance(fit))[: fit.layout.size * fit.layout.per_zone].reshape(fit.layout.size, -1)
         return bool(np.all(_NORMAL * np.sqrt(own[:, [1, 5]]) < math.log(_KNOWN)))
@@ -410,7 +439,11 @@ def most_below(layout: ParameterLayout) -> float:
     return _BELOW / max(layout.size - 1, 1)
 
 
-_MOST_SUPPLY_STEPS: Final = 30
+_MOST_SUPPLY_STEPS: Final = 100
+#: where the search for a shared supply begins, too: exchange, share, and second lag as part of a dead time or lag
+_EXCHANGE_AT_START: Final = 0.2
+_SHARES_AT_START: Final = (0.2, 0.4)
+_OF_DEAD_TIME, _OF_LAG = 0.5, 0.02
 _LEAST_LOST: Final = 0.02  # below it a share is no sag of a supply
 
 
@@ -477,7 +510,18 @@ def fit_supply(problem: NetworkProblem, fit: NetworkFit) -> SupplyFit:
     """
     found = _refined(problem, fit, np.zeros(fit.layout.size))
     wider = found.problem.with_second_lags(found.fit)
-    return found if wider is found.fit else _refined(problem, wider, found.shares)
+    if wider is not found.fit:
+        found = _refined(problem, wider, found.shares)
+    elif max(variance_inflation(each) for each in found.fit.residuals.T) < _WHITE:
+        return found
+    for share in _SHARES_AT_START:
+        shares = np.full(fit.layout.size, share)
+        start = _with_shares(problem, shares).weak_exchange_start(fit.layout)
+        if start is not None:
+            tried = _refined(problem, fit._replace(layout=fit.layout._replace(second=True), values=start), shares)
+            if explanation_gain(found.fit, tried.fit) > _SIGNIFICANT and tried.problem.bounds_lags(tried.fit):
+                found = tried
+    return found
 
 
 def _with_shares(problem: NetworkProblem, shares: Array) -> NetworkProblem:
@@ -499,10 +543,7 @@ def _refined(problem: NetworkProblem, fit: NetworkFit, shares: Array) -> SupplyF
         target, gained = (residuals * weights).ravel(), 0.0
         normal, slope, cost = weighted.T @ weighted, weighted.T @ target, float(target @ target)
         for _ in range(8):
-            step = np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), slope)
-            tried = np.concatenate([
-                problem.within_limits(layout, both[:count], step[:count]),
-                np.clip(both[count:] + np.clip(step[count:], -0.2, 0.2), -MOST_LOST, MOST_LOST)])
+            tried = _step_within(problem, layout, both, normal + damping * np.diag(np.diag(normal) + 1e-12), slope)
             errors = _residuals(problem, layout, tried)
             gained = cost - float(np.sum((errors * weights) ** 2))
             if np.all(np.isfinite(errors)) and gained > 0.0:
@@ -516,6 +557,23 @@ def _refined(problem: NetworkProblem, fit: NetworkFit, shares: Array) -> SupplyF
     found = NetworkFit(layout, both[:count], residuals, jacobian)
     reach = _NORMAL * np.sqrt(np.diag(own.covariance(found))[count:])
     return SupplyFit(own, found, both[count:], reach)
+
+
+def _step_within(
+    problem: NetworkProblem, layout: ParameterLayout, both: Array, normal: Array, slope: Array
+) -> Array:
+    """Return parameters and shares a step further; one at its limit that would go beyond it stays, and moves no other."""
+    count, free = len(both) - layout.size, np.ones(len(both), dtype=bool)
+    while True:
+        step = np.zeros(len(both))
+        step[free] = np.linalg.solve(normal[np.ix_(free, free)], slope[free])
+        tried = np.concatenate([
+            problem.within_limits(layout, both[:count], step[:count]),
+            np.clip(both[count:] + np.clip(step[count:], -0.2, 0.2), -MOST_LOST, MOST_LOST)])
+        stopped = free & (tried == both) & (step != 0.0)
+        if not np.any(stopped) or np.all(stopped == free):
+            return tried
+        free &= ~stopped
 
 
 def _residuals(problem: NetworkProblem, layout: ParameterLayout, both: Array) -> Array:
