@@ -306,7 +306,9 @@ def _heat(memory: ZoneMemory, network: NetworkArrays, out: JointArrays, k: int, 
 
 def _arrival(memory: ZoneMemory, network: NetworkArrays, zone: int, other: int) -> float:
     """Return when a zone feels the next edge of another one, or of itself, behind its own dead time [s]."""
-    return memory.edges[other, memory.arrival_counts[zone, other]] + (network.dead_s[zone] - network.dead_s[other])
+    later_s = network.dead_s[zone] - network.dead_s[other]
+    instant: float = memory.edges[other, memory.arrival_counts[zone, other]] + later_s
+    return instant
 
 
 def _reaching(memory: ZoneMemory, network: NetworkArrays, zone: int) -> float:

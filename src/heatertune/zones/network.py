@@ -5,7 +5,7 @@
 c_ij is the exchange with zone j relative to the zone's own loss. The network is linear, so its modes give the exact
 solution for power that is constant between instants.
 
-Heaters on one supply that sags take power from each other: of u_i, the share 1 − Σ_j s_j·u_j / 100 reaches zone i, j ≠ i.
+Heaters on one supply that sags take power from each other: of u_i, 1 − Σ_j s_j·u_j / 100 reaches zone i, j ≠ i.
 """
 
 from __future__ import annotations
@@ -169,7 +169,7 @@ class ThermalNetwork:
         return np.asarray(1.0 - (lost.sum() - lost))
 
     def demanded_pct(self, reaching_pct: Array) -> Array:
-        """Return the powers of which these reach the heaters, shape (n,); beyond 100 where the supply has no such [%]."""
+        """Return the powers of which these reach the heaters, shape (n,); beyond 100 where none do [%]."""
         power = np.asarray(reaching_pct, dtype=np.float64)
         for _ in range(_SEARCHES if self.is_supply_shared else 0):
             before, left = power, np.maximum(self._shares_left(power), _LEAST_LEFT)

@@ -53,7 +53,7 @@ _MOVED: Final = 0.05  # of the squares of a zone's temperatures: more is left wi
 
 
 class ParameterLayout(NamedTuple):
-    """Places of the parameters: of each zone log K, log T, L, a, the first temperature, with a second lag its log; c; s.
+    """Places of the parameters: of each zone log K, log T, L, a, the first temperature, also log of a second lag; c; s.
 
     Attributes:
         size: number of zones.
@@ -98,7 +98,7 @@ class ParameterLayout(NamedTuple):
         return modes, own[:, 2], own[:, 4]
 
     def network(self, zones: tuple[str, ...], values: Array) -> ThermalNetwork:
-        """Return the network of parameters of shape (p,); no coupling, dead time or share is below 0, no ambient 0 K."""
+        """Return the network of parameters, shape (p,); couplings, dead times, shares are >= 0, ambients >= 0 K."""
         own, exchange = self.parts(values)
         return ThermalNetwork(
             zones=zones, gains_degC_per_pct=tuple(np.exp(own[:, 0])), time_constants_s=tuple(np.exp(own[:, 1])),
@@ -562,7 +562,7 @@ def _refined(problem: NetworkProblem, fit: NetworkFit, shares: Array) -> SupplyF
 def _step_within(
     problem: NetworkProblem, layout: ParameterLayout, both: Array, normal: Array, slope: Array
 ) -> Array:
-    """Return parameters and shares a step further; one at its limit that would go beyond it stays, and moves no other."""
+    """Return parameters and shares a step further; one that would leave its limit stays, and moves no other."""
     count, free = len(both) - layout.size, np.ones(len(both), dtype=bool)
     while True:
         step = np.zeros(len(both))
