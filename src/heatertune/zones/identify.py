@@ -163,7 +163,7 @@ class FittedNetwork:
                 if name:
                     found[f"{name} {label}"] = self._interval(zone * own + place, is_log=place in (0, 1, 5),
                                                               late_s=self.late_s if place == 2 else 0.0)
-        for zone, label in enumerate(zones if self.layout.shared else ()):
+        for zone, label in enumerate(zones if self.layout.sag else ()):
             found[f"supply_share {label}"] = self._interval(self.layout.first_share + zone)
         for number, (zone, other) in enumerate(self.layout.pairs):
             found[f"exchange {zones[zone]}-{zones[other]}"] = self._interval(len(zones) * own + number)
@@ -195,7 +195,7 @@ class FittedNetwork:
             return found
         reach = _NORMAL * np.sqrt(np.diag(self.covariance))
         place = np.arange(len(self.values))
-        shares = place >= (self.layout.first_share if self.layout.shared else len(place))
+        shares = place >= (self.layout.first_share if self.layout.sag else len(place))
         coupled = (place >= len(zones) * own) & ~shares
         dead = (place < len(zones) * own) & (place % own == 2)
         for label, sign in (("strongest exchange, longest dead times", 1.0), ("weakest exchange", -1.0)):
@@ -236,13 +236,13 @@ def network_by_hand(network: ThermalNetwork) -> FittedNetwork:
     count = len(network.zones)
     pairs = tuple((i, j) for i in range(count) for j in range(count) if network.exchange[i, j] > 0.0)
     second = any(lag > 0.0 for lag in network.second_time_constants_s)
-    layout = ParameterLayout(count, pairs, second, shared=network.is_supply_shared)
+    layout = ParameterLayout(count, pairs, second, sag=network.is_supply_shared)
     own = [np.log(network.gains_degC_per_pct), np.log(network.time_constants_s), np.array(network.dead_times_s),
            np.array(network.ambients_degC), np.array(network.ambients_degC)]
     if second:
         own.append(np.log(np.maximum(network.second_time_constants_s, 1e-6)))
     values = np.concatenate([np.column_stack(own).ravel(), [network.exchange[pair] for pair in pairs],
-                             network.supply_shares if layout.shared else ()])
+                             network.supply_shares if layout.sag else ()])
     return FittedNetwork(network=network, layout=layout, values=values, covariance=np.zeros((len(values),) * 2))
 
 

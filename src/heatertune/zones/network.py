@@ -168,12 +168,12 @@ class ThermalNetwork:
         lost = np.array(self.supply_shares) * np.maximum(power_pct, 0.0) / 100.0
         return np.asarray(1.0 - (lost.sum() - lost))
 
-    def demanded_pct(self, reaching_pct: Array) -> Array:
+    def demanded_pct(self, heat_pct: Array) -> Array:
         """Return the powers of which these reach the heaters, shape (n,); beyond 100 where none do [%]."""
-        power = np.asarray(reaching_pct, dtype=np.float64)
+        power = np.asarray(heat_pct, dtype=np.float64)
         for _ in range(_SEARCHES if self.is_supply_shared else 0):
             before, left = power, np.maximum(self._shares_left(power), _LEAST_LEFT)
-            power = np.minimum(reaching_pct / left, _MOST_SEARCHED_PCT)
+            power = np.minimum(heat_pct / left, _MOST_SEARCHED_PCT)
             if np.max(np.abs(power - before)) < 1e-9:
                 break
         return power

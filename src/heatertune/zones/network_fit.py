@@ -59,13 +59,13 @@ class ParameterLayout(NamedTuple):
         size: number of zones.
         pairs: (zone, neighbour) of each coupling.
         second: whether each zone has a second lag.
-        shared: whether the heaters share a supply; then the share of each zone is the last of the parameters.
+        sag: whether the heaters share a supply; then the share of each zone is the last of the parameters.
     """
 
     size: int
     pairs: tuple[tuple[int, int], ...]
     second: bool
-    shared: bool = False
+    sag: bool = False
 
     @property
     def per_zone(self) -> int:
@@ -106,7 +106,7 @@ class ParameterLayout(NamedTuple):
             ambients_degC=tuple(np.maximum(own[:, 3], ABSOLUTE_ZERO_DEGC)),
             exchange=np.maximum(exchange, 0.0),
             second_time_constants_s=tuple(np.exp(own[:, 5])) if self.second else (),
-            supply_shares=tuple(np.clip(values[self.first_share:], 0.0, MOST_LOST)) if self.shared else ())
+            supply_shares=tuple(np.clip(values[self.first_share:], 0.0, MOST_LOST)) if self.sag else ())
 
 
 class NetworkFit(NamedTuple):
@@ -472,7 +472,7 @@ class SupplyFit(NamedTuple):
     @property
     def whole(self) -> NetworkFit:
         """The fit with the shares among its parameters."""
-        layout, values = self.fit.layout._replace(shared=True), np.concatenate([self.fit.values, self.shares])
+        layout, values = self.fit.layout._replace(sag=True), np.concatenate([self.fit.values, self.shares])
         return NetworkFit(layout, values, self.fit.residuals, self.fit.jacobian)
 
     def findings(self, zones: Sequence[str]) -> Iterator[Finding]:

@@ -78,7 +78,7 @@ class NetworkRecord:
             dead_times_s=self.dead_times_s, ambients_degC=self.ambients_degC,
             exchange=np.array(self.exchange), second_time_constants_s=self.second_time_constants_s,
             supply_shares=self.supply_shares)
-        layout = ParameterLayout(len(zones), self.pairs, self.second, shared=bool(self.supply_shares))
+        layout = ParameterLayout(len(zones), self.pairs, self.second, sag=bool(self.supply_shares))
         size = layout.first_share + len(self.supply_shares)
         if len(self.values) != size or [len(row) for row in self.covariance] != [size] * size:
             raise InputError(f"network: expected {size} values and their covariance")
