@@ -304,10 +304,10 @@ def _heat(memory: ZoneMemory, network: NetworkArrays, out: JointArrays, k: int, 
     _advance(memory, network, out, k, until - now)
 
 
-def _arrival(memory: ZoneMemory, network: NetworkArrays, zone: int, other: int) -> float:
+def _arrival(memory: ZoneMemory, network: NetworkArrays, zone: int, source: int) -> float:
     """Return when a zone feels the next edge of another one, or of itself, behind its own dead time [s]."""
-    later_s = network.dead_s[zone] - network.dead_s[other]
-    instant: float = memory.edges[other, memory.arrival_counts[zone, other]] + later_s
+    later_s = network.dead_s[zone] - network.dead_s[source]
+    instant: float = memory.edges[source, memory.arrival_counts[zone, source]] + later_s
     return instant
 
 
