@@ -1,15 +1,16 @@
 """Drawn thermal networks, designed as zones and judged by a simulation that shares nothing with heatertune.
 
-    python -m tests.bench.networks [COUNT] [SEED]
+    python -m tests.bench.networks [COUNT] [SEED] [sag]
 
 Each network is logged with noise, fitted, tuned and proven. What passes runs on the true network with its words, PWM,
 loads and noisy readings, see `zone_judge`, under the first and under drawn settings of the open points. A PASS that the
-judge breaks is false.
+judge breaks is false. With sag, two or three heaters take power from each other on one supply.
 """
 
 import sys
 import time
 from collections import Counter
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -35,14 +36,26 @@ class Case(NamedTuple):
     summary: str
 
 
-def case(seed, most_zones=8):
+def on_one_supply(network, random):
+    """Return a network with equal dead times whose heaters take 10 to 35 % of the power of all others."""
+    count = len(network.zones)
+    return replace(network, dead_times_s=network.dead_times_s[:1] * count,
+                   supply_shares=tuple(random.uniform(0.1, 0.35, count) / (count - 1)))
+
+
+def case(seed, most_zones=8, *, sags=False):
     """Return what becomes of one drawn network."""
     random, begun = np.random.default_rng(seed), time.process_time()
-    network = drawn(random, int(random.integers(2, most_zones + 1)))
+    network = drawn(random, int(random.integers(2, (3 if sags else most_zones) + 1)))
+    network = on_one_supply(network, random) if sags else network
+    shares = np.array(network.supply_shares or (0.0,) * len(network.zones))
     count = len(network.zones)
     length = int(12 * max(network.time_constants_s)) + 1500 * count
     course = np.vstack([steps(count, length, 15.0, 65.0), np.full((int(6 * max(network.time_constants_s)), count), 45.0)])
-    instants, readings, powers = logged(network, course, 1.0, 2, random, 0.03)  # at last all up to the setpoints
+    lost = course @ np.diag(shares) / 100.0
+    reaching = course * (1.0 - (lost.sum(axis=1, keepdims=True) - lost))
+    instants, readings, _ = logged(network, reaching, 1.0, 2, random, 0.03)  # at last all up to the setpoints
+    powers = course[::2]
     log = ZoneLog(name="drawn", zones=network.zones, time_s=instants, temperatures_degC=readings, powers_pct=powers)
     fitted = fit_network(log)
     intervals = dict(zip(
@@ -70,11 +83,11 @@ def complaint_of(network, proof, random):
     return ""
 
 
-def run(count=200, first=0):
+def run(count=200, first=0, kind=""):
     """Print a line for each network and the totals."""
     verdicts, false, inside, couplings = Counter(), 0, 0, 0
     for seed in range(first, first + count):
-        found = case(seed)
+        found = case(seed, sags=kind == "sag")
         verdicts[found.verdict] += 1
         false += bool(found.complaint)
         inside, couplings = inside + found.inside, couplings + found.couplings
@@ -84,4 +97,4 @@ def run(count=200, first=0):
 
 
 if __name__ == "__main__":
-    run(*map(int, sys.argv[1:]))
+    run(*map(int, sys.argv[1:3]), *sys.argv[3:])

@@ -12,6 +12,7 @@ typedef struct {
     const double *move, *drive, *constant; /* T(t + h) = move T + drive u + constant, n x n, n x n, n; u [%] */
     const double *dead;                    /* of each zone, with the controller's own delay [s] */
     const double *asked, *load, *noise;    /* of each scan and zone [degC, %, degC] */
+    const double *shares;                  /* that all others lose while a heater is on; dead times are equal where any do */
 } Network;
 
 typedef struct { double due, level; } Turn;
@@ -55,6 +56,33 @@ static double zone_power(Zone *z, double from, double h)
     return (on + z->level * (to - at)) / h;
 }
 
+/* mean power of each heater within the step, each less the shares that heaters take from it that are on meanwhile */
+static void powers_within(Zone *zones, int n, const double *shares, double from, double h, double *u)
+{
+    double at = from, to = from + h;
+    for (int i = 0; i < n; i++) u[i] = 0.0;
+    for (;;) {
+        int first = -1;
+        double until = to;
+        for (int i = 0; i < n; i++) {
+            Zone *z = &zones[i];
+            if (z->count && z->turns[z->first].due < until) { first = i; until = z->turns[z->first].due; }
+        }
+        if (until < at) until = at;
+        for (int i = 0; i < n; i++) {
+            double left = 1.0;
+            for (int j = 0; j < n; j++) if (j != i) left -= shares[j] * zones[j].level;
+            u[i] += zones[i].level * (left > 0.0 ? left : 0.0) * (until - at) / h;
+        }
+        at = until;
+        if (first < 0) return;
+        Zone *z = &zones[first];
+        z->level = z->turns[z->first].level;
+        z->first = (z->first + 1) % 4096;
+        z->count--;
+    }
+}
+
 /* temperatures: of each scan and zone; highest: of each scan up to the next one; start: of each zone; 1: too many pulses */
 int zone_judge(const Network *w, const Case *cases, const double *start, double *temperatures, double *highest, double *powers)
 {
@@ -77,7 +105,9 @@ int zone_judge(const Network *w, const Case *cases, const double *start, double 
         if (k % w->period == 0)
             for (int i = 0; i < n; i++)
                 wrong |= zone_pulse(&cases[i], &zones[i], now, w->dead[i], (double)w->period * w->h);
-        for (int i = 0; i < n; i++) u[i] = 100.0 * zone_power(&zones[i], now, w->h) - w->load[s * n + i];
+        if (w->shares) powers_within(zones, n, w->shares, now, w->h, u);
+        else for (int i = 0; i < n; i++) u[i] = zone_power(&zones[i], now, w->h);
+        for (int i = 0; i < n; i++) u[i] = 100.0 * u[i] - w->load[s * n + i];
         for (int i = 0; i < n; i++) {
             next[i] = w->constant[i];
             for (int j = 0; j < n; j++) next[i] += w->move[i * n + j] * t[j] + w->drive[i * n + j] * u[j];

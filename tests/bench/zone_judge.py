@@ -30,7 +30,7 @@ _STEP_S = 0.25
 class _Network(ctypes.Structure):
     _fields_ = (("zones", ctypes.c_int), ("scans", ctypes.c_int), ("h", ctypes.c_double), ("scan", ctypes.c_int64),
                 ("period", ctypes.c_int64), *((name, ctypes.c_void_p) for name in (
-                    "move", "drive", "constant", "dead", "asked", "load", "noise")))
+                    "move", "drive", "constant", "dead", "asked", "load", "noise", "shares")))
 
 
 class Phase(NamedTuple):
@@ -105,6 +105,8 @@ def live(network, proof, *, settle_s, noise_degC, seed, settings):
     arrays = {"move": exact[:count, :count], "drive": exact[:count, count:] @ inputs,
               "constant": exact[:count, count:] @ constant, "dead": np.array(network.dead_times_s) + delay,
               "asked": asked, "load": load, "noise": noise}
+    if any(network.supply_shares):
+        arrays["shares"] = np.array(network.supply_shares)
     arrays = {name: np.ascontiguousarray(array, dtype=np.float64) for name, array in arrays.items()}
     outline = _Network(zones=count, scans=len(asked), h=h, scan=ratio.denominator * parts, period=ratio.numerator * parts,
                        **{name: array.ctypes.data for name, array in arrays.items()})

@@ -288,6 +288,16 @@ def test_a_watch_has_a_line_for_each_zone_and_finds_the_one_that_leaves(serve, f
     assert [line.partition(",")[0] for line in lines[1:3]] == ["a: WELL", "b: WELL"]
 
 
+@pytest.mark.parametrize("options", [["--refit"], ["--monitor", "monitor"]], ids=lambda options: options[0])
+def test_a_watch_of_zones_refuses_what_is_of_one_heater_with_a_way_on(folder, tmp_path, capsys, options):
+    address, log = "s7://127.0.0.1:1/0/2/db100", tmp_path / "w.csv"  # nobody is asked: port 1 has no PLC
+    assert main(["watch", address, "--design", str(folder), "-o", str(log), *options]) == 2
+    told = capsys.readouterr().err
+    assert f"{options[0]}: not for zones" in told
+    assert "leave it out" in told
+    assert not log.exists()
+
+
 def test_a_swing_of_all_zones_is_outside_the_limits_of_the_proof(folder):
     """±2.5 °C, as three zones swing that pass alone; an offset beyond the tolerance; a reading that is none."""
     proven = read_proven_zones(folder)

@@ -1,5 +1,6 @@
 """Zones that pass one by one and swing together: tuned and proven together, and judged by a linear model of its own."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
+from heatertune.codec import ZONES_FILE
 from heatertune.compiled import decide
 from heatertune.errors import OutOfRange
 from heatertune.model.findings import Finding
@@ -28,7 +30,7 @@ from heatertune.zones.joint_tuning import (
     joint_sensitivity,
     sensitivity_alone,
 )
-from heatertune.zones.zones_folder import to_document
+from heatertune.zones.zones_folder import read_zones_design, to_document
 from tests.zones.networks import balance, chain, radius
 
 
@@ -118,19 +120,26 @@ def test_zones_without_exchange_have_the_sensitivity_of_one_loop():
     assert sensitivity_alone(chain(3, 0.0), design) == pytest.approx(alone, rel=5e-3)
 
 
-def test_a_run_is_that_of_an_integrator_that_knows_the_edges():
-    network, design = chain(2, 2.0), separate((6.0,) * 2, (60.0,) * 2)
+@pytest.mark.parametrize("shares", [(), (0.3, 0.15)])  # on a supply that sags, each zone feels all edges behind its own dead time
+def test_a_run_is_that_of_an_integrator_that_knows_the_edges(shares):
+    network, design = replace(chain(2, 2.0), dead_times_s=(12.0, 7.3), supply_shares=shares), separate((6.0,) * 2, (60.0,) * 2)
     loop = ZoneLoop(words=design.words, actuator=actuator_for(Conditions(), design.words[0]))
     events = [event for zone in range(2) for event in (ZoneEvent(0.0, "setpoint", zone, 60.0), ZoneEvent(0.0, "on", zone))]
     trace = run_zones(loop, network, [*events, ZoneEvent(300.0, "load", 0, 15.0)], 600.0)
     states, inputs, constant = balance(network)
-    late = 12.0 + controller_for("s7-300").delayed_s(design.words[0].scaling)
-    changes = sorted([(begin + late, int(zone), 100.0) for zone, begin, _ in trace.pulses]
-                     + [(end + late, int(zone), -100.0) for zone, _, end in trace.pulses] + [(300.0, 0, -15.0)])
+    late = np.array(network.dead_times_s) + controller_for("s7-300").delayed_s(design.words[0].scaling)
+    lost = np.array([[0.0, shares[1]], [shares[0], 0.0]]) if shares else np.zeros((2, 2))
+
+    def heat(zone, instant):
+        on = [np.any((trace.pulses[:, 0] == other) & (trace.pulses[:, 1] <= instant - late[zone])
+                     & (instant - late[zone] < trace.pulses[:, 2])) for other in range(2)]
+        return 100.0 * on[zone] * (1.0 - lost[zone] @ on) - (15.0 if zone == 0 and instant >= 300.0 else 0.0)
+
+    changes = sorted({instant + each for instant in trace.pulses[:, 1:].ravel() for each in late} | {300.0})
     temperature, power, now = np.full(2, 22.0), np.zeros(2), 0.0
     scans = iter(zip(trace.time_s, trace.temperatures_degC, strict=True))
     when, expected = next(scans)
-    for instant, zone, change in [*changes, (np.inf, 0, 0.0)]:
+    for instant in [*changes, np.inf]:
         while when <= instant:
             block = np.zeros((3, 3))
             block[:2, :2], block[:2, 2] = states, inputs @ power + constant
@@ -143,15 +152,38 @@ def test_a_run_is_that_of_an_integrator_that_knows_the_edges():
         block = np.zeros((3, 3))
         block[:2, :2], block[:2, 2] = states, inputs @ power + constant
         temperature = (expm(block * (instant - now)) @ np.append(temperature, 1.0))[:2]
-        now = instant
-        power[zone] += change
+        now, power = instant, np.array([heat(zone, instant + 1e-9) for zone in range(2)])
+
+
+def test_zones_on_a_supply_that_sags_have_the_sensitivity_of_their_sum_and_difference():
+    # two equal zones move alike, with the gain less what both lose, or against each other, with the gain of one
+    network, design = replace(chain(2, 1.0), supply_shares=(0.2, 0.2)), separate((8.0,) * 2, (60.0,) * 2).designs
+    one = Fopdt(gain_degC_per_pct=1.2, time_constant_s=240.0, dead_time_s=12.0, ambient_degC=22.0)
+    against = Fopdt(gain_degC_per_pct=0.4, time_constant_s=80.0, dead_time_s=12.0, ambient_degC=22.0)
+    expected = max(margins(each, design[0]).ms for each in (one, against))
+    assert joint_sensitivity(network, design) == pytest.approx(expected, rel=5e-3)
+    slower = replace(chain(1, 0.0), gains_degC_per_pct=(1.2 * 0.6,))  # at full power; the slowest of all motions
+    radii = [closed_loop_radius(each, design[:1]) for each in (chain(1, 0.0), slower)]
+    alone = chain(1, 0.0, gain=0.4, lag=80.0)
+    assert closed_loop_radius(network, design) == pytest.approx(max(*radii, closed_loop_radius(alone, design[:1])), rel=1e-6)
+    slope = (network.steady_degC([50.001, 50.0]) - network.steady_degC([49.999, 50.0])) / 0.002
+    still = replace(network, supply_shares=())
+    rise = np.column_stack([still.steady_degC(row) - still.steady_degC([0.0, 0.0]) for row in np.eye(2)])
+    np.testing.assert_allclose(slope, rise @ network.power_slopes(50.0)[:, 0], rtol=1e-6)
+
+
+@pytest.mark.parametrize("powers", [(30.0, 60.0), (95.0, 95.0), (0.0, 40.0)])
+def test_the_powers_that_hold_temperatures_on_a_supply_that_sags_are_found(powers):
+    network = replace(chain(2, 1.0), supply_shares=(0.45, 0.22))
+    np.testing.assert_allclose(network.holding_pct(network.steady_degC(powers)), powers, atol=1e-6)
+    assert np.max(network.holding_pct(network.steady_degC((100.0, 100.0)) + 20.0)) > 100.0
 
 
 @pytest.mark.parametrize("target", ["s7-300", "s5-ob251"])
 def test_a_compiled_run_is_the_plain_one_bit_for_bit(target):
     """Under every kind of event; a network with elements that exchange heat in a ring has complex modes."""
     ring = np.array([[0.0, 3.0, 0.0], [0.0, 0.0, 3.0], [3.0, 0.0, 0.0]])
-    network, design = replace(chain(3, 2.0), exchange=ring), separate((6.0,) * 3, (60.0,) * 3, target)
+    network, design = replace(chain(3, 2.0), exchange=ring, supply_shares=(0.2, 0.1, 0.3)), separate((6.0,) * 3, (60.0,) * 3, target)
     assert np.abs(network.modes.rates.imag).max() > 1e-3
     loop = ZoneLoop(words=design.words, actuator=actuator_for(Conditions(pwm_period_s=4.0), design.words[0]),
                     offsets_s=(0.0, 1.0, 2.0))
@@ -245,6 +277,28 @@ def test_a_finding_blocks_until_it_is_accepted_and_its_remedy_is_one_for_zones()
     assert proof.verdict == "NOT PROVEN"
     assert "(--zone-setpoints), or --accept beyond-the-log" in proof.summary()
     assert prove_zones(design, fitted, spec, Conditions(accept=("beyond-the-log",))).verdict == "PASS"
+
+
+def test_a_supply_that_sags_is_proven_at_both_ends_of_its_interval_and_recorded(tmp_path):
+    network = replace(chain(2, 1.0), supply_shares=(0.3, 0.15))
+    by_hand = network_by_hand(network)
+    covariance = np.diag(np.append(np.full(len(by_hand.values) - 2, 1e-8), [4e-4, 1e-4]))
+    finding = Finding(name="shared-supply", message="while the heater of zone a is on, each other heater gives 30 % less power")
+    fitted = replace(by_hand, covariance=covariance, findings=(finding,))
+    design = separate((5.0,) * 2, (60.0,) * 2)
+    design = replace(design, radius=closed_loop_radius(network, design.designs))
+    proof = prove_zones(design, fitted, specification_for(fitted, 60.0, Conditions()))
+    assert proof.verdict == "PASS", proof.summary()
+    assert {"largest sag of the supply", "smallest sag"} <= set(proof.runs)
+    assert "assumed: the heaters of the zones share a supply that sags" in proof.summary()
+    (tmp_path / ZONES_FILE).parent.mkdir()
+    (tmp_path / ZONES_FILE).write_text(json.dumps(to_document(proof)), encoding="utf-8")
+    again = read_zones_design(tmp_path).fitted
+    assert again.network.supply_shares == (0.3, 0.15)
+    assert [label for label, _ in again.draw(0)] == [label for label, _ in fitted.draw(0)]
+    weak = replace(network, supply_shares=(0.9, 0.9))  # each heater alone holds 60 °C with 50 %, both together never
+    failed = prove_zones(proof.design, network_by_hand(weak), proof.specification, up_to_failure=True)
+    assert any(each.name == "power to hold the setpoints [%]" and not each.ok for each in failed.criteria)
 
 
 def test_a_verdict_on_files_without_dates_assumes_one_clock():

@@ -177,9 +177,10 @@ KINDS: Final[dict[str, FindingKind]] = {
         "told", "the files of the zones without dates begin at the same instant",
         "log dates, or all zones in one file", is_assumption=True),
     "shared-supply": FindingKind(
-        "blocks", "the heaters of the zones take power from each other, as on one supply that sags",
-        "feed them from a supply that holds its voltage with all heaters on, or each from its own, and log again; or "
-        "lower their power until it holds", by_case=True),
+        "told", "the heaters of the zones share a supply that sags as much as in the log, where each was switched on a "
+                "clock of its own",
+        "feed them from a supply that holds its voltage with all heaters on, or each from its own, and log again",
+        is_assumption=True),
     "closed-loop": FindingKind(
         "told", "the log is of a closed loop", "log one open-loop step"),
     "no-power": FindingKind(

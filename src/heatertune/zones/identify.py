@@ -163,6 +163,8 @@ class FittedNetwork:
                 if name:
                     found[f"{name} {label}"] = self._interval(zone * own + place, is_log=place in (0, 1, 5),
                                                               late_s=self.late_s if place == 2 else 0.0)
+        for zone, label in enumerate(zones if self.layout.sag else ()):
+            found[f"supply_share {label}"] = self._interval(self.layout.first_share + zone)
         for number, (zone, other) in enumerate(self.layout.pairs):
             found[f"exchange {zones[zone]}-{zones[other]}"] = self._interval(len(zones) * own + number)
         return found
@@ -192,12 +194,16 @@ class FittedNetwork:
         if not np.any(self.covariance):
             return found
         reach = _NORMAL * np.sqrt(np.diag(self.covariance))
-        coupled = np.arange(len(self.values)) >= len(zones) * own
-        dead = ~coupled & (np.arange(len(self.values)) % own == 2)
+        place = np.arange(len(self.values))
+        shares = place >= (self.layout.first_share if self.layout.sag else len(place))
+        coupled = (place >= len(zones) * own) & ~shares
+        dead = (place < len(zones) * own) & (place % own == 2)
         for label, sign in (("strongest exchange, longest dead times", 1.0), ("weakest exchange", -1.0)):
             values = self.values + sign * np.where(coupled, reach, 0.0)
             values = np.where(dead, self.values + (reach + self.late_s if sign > 0.0 else 0.0), values)
             found.append((label, self.layout.network(zones, values)))
+        for label, sign in (("largest sag of the supply", 1.0), ("smallest sag", -1.0)) if np.any(shares) else ():
+            found.append((label, self.layout.network(zones, self.values + sign * np.where(shares, reach, 0.0))))
         random = np.random.default_rng(seed)
         spread = np.linalg.cholesky(self.covariance + 1e-15 * np.diag(np.diag(self.covariance)))
         for number in range(count):
@@ -230,12 +236,13 @@ def network_by_hand(network: ThermalNetwork) -> FittedNetwork:
     count = len(network.zones)
     pairs = tuple((i, j) for i in range(count) for j in range(count) if network.exchange[i, j] > 0.0)
     second = any(lag > 0.0 for lag in network.second_time_constants_s)
-    layout = ParameterLayout(count, pairs, second)
+    layout = ParameterLayout(count, pairs, second, sag=network.is_supply_shared)
     own = [np.log(network.gains_degC_per_pct), np.log(network.time_constants_s), np.array(network.dead_times_s),
            np.array(network.ambients_degC), np.array(network.ambients_degC)]
     if second:
         own.append(np.log(np.maximum(network.second_time_constants_s, 1e-6)))
-    values = np.concatenate([np.column_stack(own).ravel(), [network.exchange[pair] for pair in pairs]])
+    values = np.concatenate([np.column_stack(own).ravel(), [network.exchange[pair] for pair in pairs],
+                             network.supply_shares if layout.sag else ()])
     return FittedNetwork(network=network, layout=layout, values=values, covariance=np.zeros((len(values),) * 2))
 
 
@@ -313,7 +320,7 @@ def _with_shared_supply(
     supply = fit_supply(problem, fit)
     if not supply.explains_more(best):
         return None
-    result = _result_or_error(log, supply.problem, supply.fit)
+    result = _result_or_error(log, supply.problem, supply.whole)
     if isinstance(result, InputError) or any(finding.name == "poor-fit" for finding in result.findings):
         return None
     return replace(result, findings=(*supply.findings(log.zones), *result.findings))
@@ -361,7 +368,6 @@ def _is_explained(log: ZoneLog, structure: str | None) -> bool:
 
 def _result(log: ZoneLog, problem: NetworkProblem, fit: NetworkFit) -> FittedNetwork:
     readings, (own, _), covariance = problem.readings, fit.layout.parts(fit.values), problem.covariance(fit)
-    covariance = covariance[: len(fit.values), : len(fit.values)]
     reach = _NORMAL * np.sqrt(np.diag(covariance)[: own.size].reshape(own.shape)[:, :2])
     for zone, ambient, known in zip(log.zones, own[:, 3], reach < math.log(_NO_HEATER), strict=True):
         if ambient < ABSOLUTE_ZERO_DEGC or not np.all(known):
@@ -406,8 +412,7 @@ def _open_findings(fitted: FittedNetwork) -> Iterator[Finding]:
             if interval.high > _WIDE * interval.low:
                 yield Finding(name="unexplained-by-power", message=(
                     f"the log does not bound the {what} of zone {zone}: {interval.low:.3g} to {interval.high:.3g}"))
-    first = fitted.layout.size * fitted.layout.per_zone
-    for name, value in zip(fitted.couplings, fitted.values[first:], strict=True):
+    for name, value in zip(fitted.couplings, fitted.layout.couplings(fitted.values), strict=True):
         high = fitted.ci95[f"exchange {name}"].high
         assert high is not None
         if high < -_COLDER:

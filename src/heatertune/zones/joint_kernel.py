@@ -36,6 +36,8 @@ class NetworkArrays(NamedTuple):
         rest: modes at rest without power, shape (m,).
         shifts: by which a percent of power moves them, shape (m, n).
         dead_s: from a switch to its zone, shape (n,) [s].
+        supply_shares: of their power that all others lose while a heater is on, shape (n,); of shape (0,) where none
+            lose any.
     """
 
     rates: Places
@@ -44,6 +46,7 @@ class NetworkArrays(NamedTuple):
     rest: Places
     shifts: Places
     dead_s: Places
+    supply_shares: Places
 
 
 class ZoneEvents(NamedTuple):
@@ -75,8 +78,8 @@ class ZoneMemory(NamedTuple):
             [s].
         is_on, command, fault: of each zone: whether its controller runs, how it starts next, and 0 or the kind of
             event that broke its circuit, shape (n,).
-        period_counts, edge_counts, arrival_counts, pulse_counts: of each zone: PWM periods, edges, edges that reached
-            the heater, pulses, shape (n,).
+        period_counts, edge_counts, pulse_counts: of each zone: PWM periods, edges, pulses, shape (n,).
+        arrival_counts: edges of zone j that zone i has felt, shape (n, n); on a supply that sags it feels all of them.
         edges: instants at which they arrive, on and off in turn, one place more than edges, shape (n, e) [s].
         pulse_begin, pulse_end: at the switch, shape (n, p) [s].
         overflows: how often a controller set a flag of an overflow, shape (1,).
@@ -236,7 +239,7 @@ def _break_circuit(memory: ZoneMemory, dead_s: float, zone: int, kind: int, now:
     """Open or close the heater's circuit, or let its relay stick; edges made beyond the instant are taken back."""
     memory.fault[zone] = 0 if kind == _CLOSED else kind
     edges = memory.edges[zone]
-    while (memory.edge_counts[zone] > memory.arrival_counts[zone]
+    while (memory.edge_counts[zone] > memory.arrival_counts[zone, zone]
            and edges[memory.edge_counts[zone] - 1] - dead_s > now):
         memory.edge_counts[zone] -= 1
     _edge(memory, dead_s, zone, now, kind == _STUCK)
@@ -287,27 +290,51 @@ def _heat(memory: ZoneMemory, network: NetworkArrays, out: JointArrays, k: int, 
         memory.target[mode] = network.rest[mode]
         for zone in range(len(memory.heat)):
             memory.target[mode] += network.shifts[mode, zone] * (memory.heat[zone] - memory.load[zone])
-    zone = _first(memory, until)
+    zone, other = _first(memory, network, until)
     while zone >= 0:
-        instant = max(memory.edges[zone, memory.arrival_counts[zone]], now)
+        instant = max(_arrival(memory, network, zone, other), now)
         _advance(memory, network, out, k, instant - now)
-        change = (0.0 if memory.arrival_counts[zone] % 2 == 1 else 100.0) - memory.heat[zone]
+        memory.arrival_counts[zone, other] += 1
+        change = _reaching(memory, network, zone) - memory.heat[zone]
         memory.heat[zone] += change
-        memory.arrival_counts[zone] += 1
         for mode in range(len(memory.z)):
             memory.target[mode] += network.shifts[mode, zone] * change
-        now, zone = instant, _first(memory, until)
+        now = instant
+        zone, other = _first(memory, network, until)
     _advance(memory, network, out, k, until - now)
 
 
-def _first(memory: ZoneMemory, until: float) -> int:
-    """Return the zone whose heater is switched next, -1 if no heater is before an instant."""
-    first, earliest = -1, until
+def _arrival(memory: ZoneMemory, network: NetworkArrays, zone: int, source: int) -> float:
+    """Return when a zone feels the next edge of another one, or of itself, behind its own dead time [s]."""
+    later_s = network.dead_s[zone] - network.dead_s[source]
+    instant: float = memory.edges[source, memory.arrival_counts[zone, source]] + later_s
+    return instant
+
+
+def _reaching(memory: ZoneMemory, network: NetworkArrays, zone: int) -> float:
+    """Return the power of a zone's heater, less what others that are on take from it [%]."""
+    if memory.arrival_counts[zone, zone] % 2 == 0:
+        return 0.0
+    left = 1.0
+    for other in range(len(network.supply_shares)):
+        if other != zone and memory.arrival_counts[zone, other] % 2 == 1:
+            left -= network.supply_shares[other]
+    return 100.0 * max(left, 0.0)
+
+
+def _first(memory: ZoneMemory, network: NetworkArrays, until: float) -> tuple[int, int]:
+    """Return the zone that next feels an edge, and whose, -1 if none does before an instant."""
+    first, source, earliest = -1, -1, until
     for zone in range(len(memory.heat)):
-        instant = memory.edges[zone, memory.arrival_counts[zone]]
-        if memory.arrival_counts[zone] < memory.edge_counts[zone] and instant < earliest:
-            first, earliest = zone, instant
-    return first
+        begin, end = zone, zone + 1
+        if len(network.supply_shares) > 0:
+            begin, end = 0, len(memory.heat)
+        for other in range(begin, end):
+            if memory.arrival_counts[zone, other] < memory.edge_counts[other]:
+                instant = _arrival(memory, network, zone, other)
+                if instant < earliest:
+                    first, source, earliest = zone, other, instant
+    return first, source
 
 
 def _advance(memory: ZoneMemory, network: NetworkArrays, out: JointArrays, k: int, lasts_s: float) -> None:

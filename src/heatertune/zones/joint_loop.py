@@ -328,7 +328,8 @@ def network_arrays(loop: ZoneLoop, network: ThermalNetwork) -> NetworkArrays:
     late = controller_for(words.target).delayed_s(words.scaling)
     rates, outputs, rest, shifts = (np.array(each, dtype=np.complex128, order="C") for each in (
         modes.rates, modes.outputs, -modes.constant / modes.rates, -modes.inputs / modes.rates[:, None]))
-    return NetworkArrays(rates, outputs, outputs * rates, rest, shifts, np.array(network.dead_times_s) + late)
+    shares = np.array(network.supply_shares if network.is_supply_shared else (), dtype=np.float64)
+    return NetworkArrays(rates, outputs, outputs * rates, rest, shifts, np.array(network.dead_times_s) + late, shares)
 
 
 def memory_at_rest(loop: ZoneLoop, network: ThermalNetwork, periods: int, edges: int) -> ZoneMemory:
@@ -337,8 +338,8 @@ def memory_at_rest(loop: ZoneLoop, network: ThermalNetwork, periods: int, edges:
     states = np.concatenate([network.steady_degC([0.0] * count), np.zeros(len(modes.elements))])
     z, offsets = (modes.inverse @ states).astype(np.complex128), np.array(loop.offsets_s, dtype=np.float64)
     heat, load, power, carry = np.zeros((4, count))
-    is_on, command, fault, period_counts, edge_counts, arrival_counts, pulse_counts = np.zeros(
-        (7, count), dtype=np.int64)
+    is_on, command, fault, period_counts, edge_counts, pulse_counts = np.zeros((6, count), dtype=np.int64)
+    arrival_counts = np.zeros((count, count), dtype=np.int64)
     return ZoneMemory(
         z=z, target=np.zeros_like(z), offset=np.zeros_like(z), heat=heat, load=load, setpoint=np.full(count, np.nan),
         power=power, carry=carry, begin=offsets.copy(), origin=offsets, is_on=is_on, command=command, fault=fault,

@@ -587,7 +587,9 @@ class _Prover:
         rise = np.column_stack([network.steady_degC(row) - network.steady_degC([0.0] * self.count)
                                 for row in np.eye(self.count)])
         wanted = self.setpoints - network.steady_degC([0.0] * self.count)
-        power = np.linalg.solve(rise[np.ix_(chosen, chosen)], wanted[chosen])
+        heat = np.zeros(self.count)
+        heat[chosen] = np.linalg.solve(rise[np.ix_(chosen, chosen)], wanted[chosen])
+        power = network.demanded_pct(heat)[chosen]
         return bool(np.all(power <= 100.0 - RESERVE_PCT) and np.all(power >= _IDLE_PCT))
 
     def _judged(

@@ -17,6 +17,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.errors import InputError
 from heatertune.model.model_values import Candidate, FitOutcome, FittedModel, Fopdt
 from heatertune.model.statistics import Interval
@@ -44,6 +45,7 @@ _LADDER: Final = (1.8, 1.6, 1.5, 1.4, 1.32, 1.25, 1.2, 1.15, 1.1)
 _CLEARLY: Final = 1.05  # times a limit of Ms: more than rounding to words lowers it
 _DRAWN: Final = 12
 _FREQUENCIES: Final = 300
+_POWERS_PCT: Final = (0.0, 50.0, 100.0)  # of all zones, at which heaters on one supply are linearised
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,7 +131,8 @@ class JointTuner:
             raise InputError(f"structure {structure!r}: zones are tuned as pi or pid")
         self.target, self.scaling = target, scaling
         self.networks = [network for _, network in fitted.draw(_DRAWN)]
-        self.models = [zone_model(fitted, zone, self.networks[:3]) for zone in range(len(fitted.network.zones))]
+        self._ends = self.networks[: max(len(self.networks) - _DRAWN, 1)]
+        self.models = [zone_model(fitted, zone, self._ends) for zone in range(len(fitted.network.zones))]
         settings = TuneSettings(structure=structure, sample_time_s=sample_time_s)
         if sample_time_s is None:
             alone = [tune(model, settings, target=target, scaling=scaling).sample_time_s for model in self.models]
@@ -190,7 +193,7 @@ class JointTuner:
             designs=realised, words=words, ms_zones=ms_zones,
             joint_ms=max(joint_sensitivity(network, realised, delay) for network in self.networks),
             alone_ms=max(sensitivity_alone(network, realised, delay) for network in self.networks),
-            radius=max(closed_loop_radius(network, realised, delay) for network in self.networks[:3]),
+            radius=max(closed_loop_radius(network, realised, delay) for network in self._ends),
             structure=self.settings.structure)
 
 
@@ -239,23 +242,37 @@ def _responses(network: ThermalNetwork, designs: Sequence[PidDesign], delay_s: f
     slowest = max(*network.time_constants_s, *(design.integral_time_s for design in designs), interval)
     omega = np.geomspace(min(1e-2 / slowest, 1e-2 * math.pi / interval), math.pi / interval, _FREQUENCIES)
     control = np.stack([controller_response(design, omega) for design in designs], axis=1)
-    return network.pulse_response(omega, interval, delay_s), control
+    plant = network.pulse_response(omega, interval, delay_s)
+    if not network.is_supply_shared:
+        return plant, control
+    powers = _powers_pct(network)
+    return np.concatenate([plant @ network.power_slopes(each) for each in powers]), np.tile(control, (len(powers), 1))
+
+
+def _powers_pct(network: ThermalNetwork) -> tuple[float, ...]:
+    """Return the powers at which a network is linearised: it is linear unless its heaters share a supply [%]."""
+    return _POWERS_PCT if network.is_supply_shared else _POWERS_PCT[:1]
 
 
 def closed_loop_radius(network: ThermalNetwork, designs: Sequence[PidDesign], delay_s: float = 0.0) -> float:
     """Return the largest magnitude of the eigenvalues of the sampled closed loop; arguments as `joint_sensitivity`.
 
-    The states are the network's modes, the powers on their way, and of each controller the sum of the errors, the
-    filtered difference and the last error.
+    On a supply that sags, the largest at the powers of `_POWERS_PCT`. The states are the network's modes, the powers on
+    their way, and of each controller the sum of the errors, the filtered difference and the last error.
     """
+    return max(_radius(network, designs, delay_s, network.power_slopes(power)) for power in _powers_pct(network))
+
+
+def _radius(network: ThermalNetwork, designs: Sequence[PidDesign], delay_s: float, slopes: Array) -> float:
     modes, interval, count = network.modes, designs[0].sample_time_s, len(designs)
     size, dead = len(modes.rates), [divmod(late + delay_s, interval) for late in network.dead_times_s]
     places = np.cumsum([size, *(int(whole) + 1 for whole, _ in dead)])  # the powers on their way
     states = places[-1] + 3 * count
     matrix = np.zeros((states, states), dtype=np.complex128)
     matrix[:size, :size] = np.diag(np.exp(modes.rates * interval))
-    for zone, (design, (whole, rest)) in enumerate(zip(designs, dead, strict=True)):
-        begin, total, own = places[zone], places[-1] + 3 * zone, int(whole)
+    powers = np.zeros((count, states), dtype=np.complex128)
+    for zone, design in enumerate(designs):
+        total = places[-1] + 3 * zone
         error, difference, power = (np.zeros(states, dtype=np.complex128) for _ in range(3))
         error[:size] = -modes.outputs[zone]
         filtered = design.derivative_filter
@@ -265,7 +282,9 @@ def closed_loop_radius(network: ThermalNetwork, designs: Sequence[PidDesign], de
         sums = error.copy()
         sums[total] += 1.0
         power += design.gain_pct_per_degC * (error + interval / design.integral_time_s * sums + difference)
-        matrix[total], matrix[total + 1], matrix[total + 2] = sums, difference, error
+        matrix[total], matrix[total + 1], matrix[total + 2], powers[zone] = sums, difference, error, power
+    for zone, (power, (whole, rest)) in enumerate(zip(slopes @ powers, dead, strict=True)):
+        begin, own = places[zone], int(whole)
         now = np.expm1(modes.rates * (interval - rest)) / modes.rates * modes.inputs[:, zone]
         before = (np.exp(modes.rates * (interval - rest)) * np.expm1(modes.rates * rest) / modes.rates
                   * modes.inputs[:, zone])

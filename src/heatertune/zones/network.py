@@ -4,6 +4,8 @@
 
 c_ij is the exchange with zone j relative to the zone's own loss. The network is linear, so its modes give the exact
 solution for power that is constant between instants.
+
+Heaters on one supply that sags take power from each other: of u_i, 1 − Σ_j s_j·u_j / 100 reaches zone i, j ≠ i.
 """
 
 from __future__ import annotations
@@ -36,6 +38,9 @@ Complex = npt.NDArray[np.complex128]
 #: how two zones may be neighbours
 STRUCTURES: Final = ("chain", "ring", "free")
 _APART: Final = 1e-6  # by which two equal lags are set apart, so that the modes are independent
+_LEAST_LEFT: Final = 0.05  # of a heater's power on a supply that sags, in the search for the powers that hold a heat
+_MOST_SEARCHED_PCT: Final = 1e3
+_SEARCHES: Final = 200
 
 
 def neighbours(structure: str, count: int) -> tuple[tuple[int, int], ...]:
@@ -91,11 +96,12 @@ class ThermalNetwork:
         ambients_degC: temperature of a zone without power and exchange [°C].
         exchange: heat exchanged with zone j per degree, relative to the loss of zone i, shape (n, n), 0 at i = j.
         second_time_constants_s: lag of the heating element before the zone, or of the sensor behind it; 0: none [s].
+        supply_shares: of their power that all other heaters lose while that of a zone is fully on, 0…1; empty: none.
 
     Raises:
         InputError: no zone, or names that are not unique.
         OutOfRange: another number of values than zones, a gain or lag that is not positive, a negative dead time or
-            exchange.
+            exchange, or a share that is not one.
     """
 
     zones: tuple[str, ...]
@@ -105,6 +111,7 @@ class ThermalNetwork:
     ambients_degC: tuple[float, ...]
     exchange: Array
     second_time_constants_s: tuple[float, ...] = ()
+    supply_shares: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         count = len(self.zones)
@@ -112,6 +119,10 @@ class ThermalNetwork:
             raise InputError(f"zones {', '.join(self.zones) or 'not named'}: each zone needs a name of its own")
         if not self.second_time_constants_s:
             object.__setattr__(self, "second_time_constants_s", (0.0,) * count)
+        if len(self.supply_shares) not in (0, count):
+            raise OutOfRange("supply_shares", len(self.supply_shares), f"one value for each of {count} zones")
+        for share in self.supply_shares:
+            check("supply_shares", share, least=0.0, most=1.0)
         for name, least in (("gains_degC_per_pct", None), ("time_constants_s", None), ("dead_times_s", 0.0),
                             ("ambients_degC", -273.15), ("second_time_constants_s", 0.0)):
             values = getattr(self, name)
@@ -136,13 +147,48 @@ class ThermalNetwork:
 
     def steady_degC(self, power_pct: npt.ArrayLike) -> Array:
         """Return the temperatures at which the zones rest with these powers, shape (n,) [°C]."""
-        heat = np.array(self.ambients_degC) + np.array(self.gains_degC_per_pct) * np.asarray(power_pct)
+        reaching = np.asarray(power_pct) * self._shares_left(np.asarray(power_pct))
+        heat = np.array(self.ambients_degC) + np.array(self.gains_degC_per_pct) * reaching
         return np.asarray(np.linalg.solve(self._losses, heat))
 
     def holding_pct(self, temperatures_degC: npt.ArrayLike) -> Array:
         """Return the powers that hold these temperatures, shape (n,) [%]; below 0 where a zone would have to cool."""
         heat = self._losses @ np.asarray(temperatures_degC, dtype=np.float64) - np.array(self.ambients_degC)
-        return np.asarray(heat / np.array(self.gains_degC_per_pct))
+        return self.demanded_pct(heat / np.array(self.gains_degC_per_pct))
+
+    @property
+    def is_supply_shared(self) -> bool:
+        """Whether the heaters take power from each other."""
+        return any(self.supply_shares)
+
+    def _shares_left(self, power_pct: Array) -> Array:
+        """Return which share of its power each heater gets while all have these, shape (n,)."""
+        if not self.is_supply_shared:
+            return np.ones(len(self.zones))
+        lost = np.array(self.supply_shares) * np.maximum(power_pct, 0.0) / 100.0
+        return np.asarray(1.0 - (lost.sum() - lost))
+
+    def demanded_pct(self, heat_pct: Array) -> Array:
+        """Return the powers of which these reach the heaters, shape (n,); beyond 100 where none do [%]."""
+        power = np.asarray(heat_pct, dtype=np.float64)
+        for _ in range(_SEARCHES if self.is_supply_shared else 0):
+            before, left = power, np.maximum(self._shares_left(power), _LEAST_LEFT)
+            power = np.minimum(heat_pct / left, _MOST_SEARCHED_PCT)
+            if np.max(np.abs(power - before)) < 1e-9:
+                break
+        return power
+
+    def power_slopes(self, power_pct: float) -> Array:
+        """Return by how much the power that reaches zone i changes with that of zone j, shape (n, n).
+
+        Args:
+            power_pct: of every zone [%].
+        """
+        powers = np.full(len(self.zones), power_pct)
+        slopes = np.diag(self._shares_left(powers))
+        if self.is_supply_shared:
+            slopes -= (1.0 - np.eye(len(powers))) * np.array(self.supply_shares) * power_pct / 100.0
+        return np.asarray(slopes)
 
     @property
     def _losses(self) -> Array:

@@ -47,21 +47,25 @@ _BELOW: Final = 0.4  # exchange below 0 that a fit may try, of all neighbours of
 _LEAST_SHOWN: Final = 1e-14  # of a direction of the parameters, relative to what the log shows of each
 _KNOWN: Final = 10.0  # ratio of an end of a lag's interval to the lag, beyond which the log does not show it
 _OTHERS: Final = 0.25  # of the squares that no power, or the own one, leaves: less shows what heats or cools a zone
+#: share of a heater's power that others may take
+MOST_LOST: Final = 0.9
 _MOVED: Final = 0.05  # of the squares of a zone's temperatures: more is left without the power that moves it
 
 
 class ParameterLayout(NamedTuple):
-    """Places of the parameters: of each zone log K, log T, L, a, the first temperature, with a second lag its log; c.
+    """Places of the parameters: of each zone log K, log T, L, a, the first temperature, also log of a second lag; c; s.
 
     Attributes:
         size: number of zones.
         pairs: (zone, neighbour) of each coupling.
         second: whether each zone has a second lag.
+        sag: whether the heaters share a supply; then the share of each zone is the last of the parameters.
     """
 
     size: int
     pairs: tuple[tuple[int, int], ...]
     second: bool
+    sag: bool = False
 
     @property
     def per_zone(self) -> int:
@@ -72,9 +76,19 @@ class ParameterLayout(NamedTuple):
         """Return the parameters by zone, shape (n, 5 or 6), and the matrix of the couplings, shape (n, n)."""
         own = values[: self.size * self.per_zone].reshape(self.size, self.per_zone)
         exchange = np.zeros((self.size, self.size))
-        for (zone, other), value in zip(self.pairs, values[self.size * self.per_zone:], strict=True):
+        for (zone, other), value in zip(self.pairs, self.couplings(values), strict=True):
             exchange[zone, other] = value
         return own, exchange
+
+    def couplings(self, values: Array) -> Array:
+        """Return the parameters of the couplings, shape (c,)."""
+        first = self.size * self.per_zone
+        return values[first: first + len(self.pairs)]
+
+    @property
+    def first_share(self) -> int:
+        """Place of the share of the first zone, where the heaters share a supply."""
+        return self.size * self.per_zone + len(self.pairs)
 
     def case(self, values: Array) -> tuple[Modes, Array, Array]:
         """Return what `simulate_many` takes, of parameters of shape (p,)."""
@@ -84,14 +98,15 @@ class ParameterLayout(NamedTuple):
         return modes, own[:, 2], own[:, 4]
 
     def network(self, zones: tuple[str, ...], values: Array) -> ThermalNetwork:
-        """Return the network of parameters of shape (p,); no coupling or dead time is below 0, no ambient below 0 K."""
+        """Return the network of parameters, shape (p,); couplings, dead times, shares are >= 0, ambients >= 0 K."""
         own, exchange = self.parts(values)
         return ThermalNetwork(
             zones=zones, gains_degC_per_pct=tuple(np.exp(own[:, 0])), time_constants_s=tuple(np.exp(own[:, 1])),
             dead_times_s=tuple(np.maximum(own[:, 2], 0.0)),
             ambients_degC=tuple(np.maximum(own[:, 3], ABSOLUTE_ZERO_DEGC)),
             exchange=np.maximum(exchange, 0.0),
-            second_time_constants_s=tuple(np.exp(own[:, 5])) if self.second else ())
+            second_time_constants_s=tuple(np.exp(own[:, 5])) if self.second else (),
+            supply_shares=tuple(np.clip(values[self.first_share:], 0.0, MOST_LOST)) if self.sag else ())
 
 
 class NetworkFit(NamedTuple):
@@ -160,16 +175,45 @@ class NetworkProblem:
             couplings += found
         return np.concatenate([own.ravel(), couplings])
 
-    def _balances(self, zone: int, power: int | None, others: Sequence[int]) -> Iterator[_HeatBalance]:
-        """Yield a zone's integrated heat balance with the power of a zone, or none, at several dead times."""
+    def weak_exchange_start(self, layout: ParameterLayout) -> Array | None:
+        """Return parameters with second lags and a weak exchange, shape (p,), as the heat balances give the others.
+
+        A short log may leave exchange and losses open together, and one without the lags be explained by either. None
+        where a balance shows no heater.
+        """
+        own = []
+        for zone in range(layout.size):
+            others = [other for first, other in layout.pairs if first == zone]
+            tried = (each for each in self._balances(zone, zone, others, _EXCHANGE_AT_START) if each.is_heater)
+            best = min(tried, key=attrgetter("squares"), default=None)
+            if best is None:
+                return None
+            (gain, lag, dead, *rest), _ = self._from_balance(zone, best, 0)
+            own.append([gain, lag, _OF_DEAD_TIME * dead, *rest,
+                        math.log(max(_OF_DEAD_TIME * dead, _OF_LAG * math.exp(lag)))])
+        return np.concatenate([np.array(own).ravel(), np.full(len(layout.pairs), _EXCHANGE_AT_START)])
+
+    def _balances(self, zone: int, power: int | None, others: Sequence[int], exchange: float | None = None
+                  ) -> Iterator[_HeatBalance]:
+        """Yield a zone's integrated heat balance with the power of a zone, or none, at several dead times.
+
+        Args:
+            zone: its number.
+            power: number of the zone whose power heats it; None: of none.
+            others: its neighbours.
+            exchange: with each of these; None: what explains the readings best.
+        """
         steps = np.diff(self.time_s)
         integral = np.vstack([np.zeros(len(self.courses)), np.cumsum(
             0.5 * (self.readings[1:] + self.readings[:-1]) * steps[:, None], axis=0)])
         elapsed = self.time_s - self.time_s[0]
         for dead in (0.0, *np.geomspace(0.5 * float(np.median(steps)), self.longest_s, _DEAD_TIMES)):
             exchanged: list[Array] = [integral[:, other] - integral[:, zone] for other in others]
+            own = integral[:, zone]
+            if exchange is not None:
+                own, exchanged = own - exchange * np.sum(exchanged, axis=0), []
             energy = 0.0 * elapsed if power is None else self._energy(power, float(dead))
-            columns = np.column_stack([elapsed, integral[:, zone], energy, np.ones(len(elapsed)), *exchanged])
+            columns = np.column_stack([elapsed, own, energy, np.ones(len(elapsed)), *exchanged])
             scale = np.abs(columns).max(axis=0) + 1e-30
             solution, *_ = np.linalg.lstsq(columns / scale, self.readings[:, zone], rcond=None)
             yield _HeatBalance(float(np.sum((columns @ (solution / scale) - self.readings[:, zone]) ** 2)),
@@ -368,9 +412,9 @@ class NetworkProblem:
         layout = fit.layout._replace(second=True)
         both = (self.fit(layout, np.concatenate([each.ravel(), fit.values[own.size:]])) for each in (start, exchanged))
         wider = max(both, key=partial(explanation_gain, fit))
-        return wider if explanation_gain(fit, wider) > _BIC * fit.layout.size and self._bounds_lags(wider) else fit
+        return wider if explanation_gain(fit, wider) > _BIC * fit.layout.size and self.bounds_lags(wider) else fit
 
-    def _bounds_lags(self, fit: NetworkFit) -> bool:
+    def bounds_lags(self, fit: NetworkFit) -> bool:
         """Return whether a fit with second lags tells the size of each lag."""
         own = np.diag(self.covariance(fit))[: fit.layout.size * fit.layout.per_zone].reshape(fit.layout.size, -1)
         return bool(np.all(_NORMAL * np.sqrt(own[:, [1, 5]]) < math.log(_KNOWN)))
@@ -395,8 +439,11 @@ def most_below(layout: ParameterLayout) -> float:
     return _BELOW / max(layout.size - 1, 1)
 
 
-_MOST_SUPPLY_STEPS: Final = 30
-_MOST_LOST: Final = 0.9  # of a heater's power
+_MOST_SUPPLY_STEPS: Final = 100
+#: where the search for a shared supply begins, too: exchange, share, and second lag as part of a dead time or lag
+_EXCHANGE_AT_START: Final = 0.2
+_SHARES_AT_START: Final = (0.2, 0.4)
+_OF_DEAD_TIME, _OF_LAG = 0.5, 0.02
 _LEAST_LOST: Final = 0.02  # below it a share is no sag of a supply
 
 
@@ -421,6 +468,12 @@ class SupplyFit(NamedTuple):
         return bool(explanation_gain(fit, self.fit) > _SIGNIFICANT * len(self.shares)
                     and np.any(self.shares - self.reach > _LEAST_LOST) and np.all(self.shares + self.reach > 0.0)
                     and np.all(self.shares + self.reach < 1.0))
+
+    @property
+    def whole(self) -> NetworkFit:
+        """The fit with the shares among its parameters."""
+        layout, values = self.fit.layout._replace(sag=True), np.concatenate([self.fit.values, self.shares])
+        return NetworkFit(layout, values, self.fit.residuals, self.fit.jacobian)
 
     def findings(self, zones: Sequence[str]) -> Iterator[Finding]:
         """Yield which zones take power from the others."""
@@ -457,7 +510,18 @@ def fit_supply(problem: NetworkProblem, fit: NetworkFit) -> SupplyFit:
     """
     found = _refined(problem, fit, np.zeros(fit.layout.size))
     wider = found.problem.with_second_lags(found.fit)
-    return found if wider is found.fit else _refined(problem, wider, found.shares)
+    if wider is not found.fit:
+        found = _refined(problem, wider, found.shares)
+    elif max(variance_inflation(each) for each in found.fit.residuals.T) < _WHITE:
+        return found
+    for share in _SHARES_AT_START:
+        shares = np.full(fit.layout.size, share)
+        start = _with_shares(problem, shares).weak_exchange_start(fit.layout)
+        if start is not None:
+            tried = _refined(problem, fit._replace(layout=fit.layout._replace(second=True), values=start), shares)
+            if explanation_gain(found.fit, tried.fit) > _SIGNIFICANT and tried.problem.bounds_lags(tried.fit):
+                found = tried
+    return found
 
 
 def _with_shares(problem: NetworkProblem, shares: Array) -> NetworkProblem:
@@ -479,10 +543,7 @@ def _refined(problem: NetworkProblem, fit: NetworkFit, shares: Array) -> SupplyF
         target, gained = (residuals * weights).ravel(), 0.0
         normal, slope, cost = weighted.T @ weighted, weighted.T @ target, float(target @ target)
         for _ in range(8):
-            step = np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), slope)
-            tried = np.concatenate([
-                problem.within_limits(layout, both[:count], step[:count]),
-                np.clip(both[count:] + np.clip(step[count:], -0.2, 0.2), -_MOST_LOST, _MOST_LOST)])
+            tried = _step_within(problem, layout, both, normal + damping * np.diag(np.diag(normal) + 1e-12), slope)
             errors = _residuals(problem, layout, tried)
             gained = cost - float(np.sum((errors * weights) ** 2))
             if np.all(np.isfinite(errors)) and gained > 0.0:
@@ -496,6 +557,23 @@ def _refined(problem: NetworkProblem, fit: NetworkFit, shares: Array) -> SupplyF
     found = NetworkFit(layout, both[:count], residuals, jacobian)
     reach = _NORMAL * np.sqrt(np.diag(own.covariance(found))[count:])
     return SupplyFit(own, found, both[count:], reach)
+
+
+def _step_within(
+    problem: NetworkProblem, layout: ParameterLayout, both: Array, normal: Array, slope: Array
+) -> Array:
+    """Return parameters and shares a step further; one that would leave its limit stays, and moves no other."""
+    count, free = len(both) - layout.size, np.ones(len(both), dtype=bool)
+    while True:
+        step = np.zeros(len(both))
+        step[free] = np.linalg.solve(normal[np.ix_(free, free)], slope[free])
+        tried = np.concatenate([
+            problem.within_limits(layout, both[:count], step[:count]),
+            np.clip(both[count:] + np.clip(step[count:], -0.2, 0.2), -MOST_LOST, MOST_LOST)])
+        stopped = free & (tried == both) & (step != 0.0)
+        if not np.any(stopped) or np.all(stopped == free):
+            return tried
+        free &= ~stopped
 
 
 def _residuals(problem: NetworkProblem, layout: ParameterLayout, both: Array) -> Array:

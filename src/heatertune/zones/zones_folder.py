@@ -54,6 +54,7 @@ class NetworkRecord:
     findings: tuple[Finding, ...]
     setpoints_degC: tuple[float, ...] | None
     highest_degC: tuple[float, ...] | None
+    supply_shares: tuple[float, ...] = ()
 
     @classmethod
     def from_fitted(cls, fitted: FittedNetwork) -> NetworkRecord:
@@ -67,16 +68,18 @@ class NetworkRecord:
             second=fitted.layout.second, values=tuple(fitted.values.tolist()),
             covariance=tuple(map(tuple, fitted.covariance.tolist())), late_s=fitted.late_s,
             noise_degC=fitted.noise_degC, interval_s=fitted.interval_s, log=fitted.log, findings=fitted.findings,
-            setpoints_degC=fitted.setpoints_degC, highest_degC=fitted.highest_degC)
+            setpoints_degC=fitted.setpoints_degC, highest_degC=fitted.highest_degC,
+            supply_shares=network.supply_shares)
 
     def to_fitted(self, zones: tuple[str, ...]) -> FittedNetwork:
         """Return the fitted network; raise InputError where the numbers are of another number of zones."""
         network = ThermalNetwork(
             zones=zones, gains_degC_per_pct=self.gains_degC_per_pct, time_constants_s=self.time_constants_s,
             dead_times_s=self.dead_times_s, ambients_degC=self.ambients_degC,
-            exchange=np.array(self.exchange), second_time_constants_s=self.second_time_constants_s)
-        layout = ParameterLayout(len(zones), self.pairs, self.second)
-        size = len(zones) * layout.per_zone + len(self.pairs)
+            exchange=np.array(self.exchange), second_time_constants_s=self.second_time_constants_s,
+            supply_shares=self.supply_shares)
+        layout = ParameterLayout(len(zones), self.pairs, self.second, sag=bool(self.supply_shares))
+        size = layout.first_share + len(self.supply_shares)
         if len(self.values) != size or [len(row) for row in self.covariance] != [size] * size:
             raise InputError(f"network: expected {size} values and their covariance")
         return FittedNetwork(
