@@ -461,6 +461,11 @@ def _with_other_states(
     return _enter(results, judged, others, f"{STATES} other initial states")
 
 
+def _most(criteria: Sequence[Criterion]) -> float:
+    """Return how much of a limit is used at most."""
+    return max(one.strain for one in criteria)
+
+
 def _with_late_calls(
     runs: AllRuns, results: list[RunResult], judged: Sequence[tuple[Criterion, ...]], coverage: Coverage
 ) -> list[str]:
@@ -476,10 +481,8 @@ def _with_late_calls(
     if any(result.verdict != "PASS" for result in results):
         return []
     for part in runs.parts:
-        ran = part.late_calls(judged[first:first + len(part.cases)]) if part.starts else []
-        again = [part.again(part.scenario, [results[first + run].run for run in ran], replace(coverage, progress=str),
-                            start=start + 1).judge_all() for start in range(part.starts)] if ran else []
-        others |= {first + run: list(same) for run, same in zip(ran, zip(*again, strict=True), strict=bool(again))}
+        same = part.with_late_calls(judged[first:first + len(part.cases)], replace(coverage, progress=str))
+        others |= {first + run: each for run, each in same.items()}
         first += len(part.cases)
     return _enter(results, judged, others, "calls missed at any scan")
 
@@ -500,12 +503,11 @@ def _enter(
     for run, same in others.items():
         ran = results[run].criteria[:len(judged[run])]
         worst = worst_state(ran, same)
-        if max(one.strain for one in worst) <= CLOSE:  # no verdict hangs on it
+        if _most(worst) <= CLOSE:  # no verdict hangs on it
             continue
-        if not 1.0 < max(one.strain for one in worst) <= SAME:
+        if not 1.0 < _most(worst) <= SAME:
             results[run] = _ran(results[run], worst)
-        before, after = (max(most, *(one.strain for one in criteria)) for most, criteria in (
-            (before, ran), (after, worst)))
+        before, after = max(before, _most(ran)), max(after, _most(worst))
     return [f"{summary}: {100.0 * after:.4g} % of a limit is used, {100.0 * before:.4g} % before"
             ] if after > before else []
 

@@ -336,17 +336,24 @@ class Runs:
             judged: criteria of each run.
         """
         missed = [loop.switches for loop in self.loops if loop.core.other_starts(loop.parameters, loop.state)]
-        late = list[int]()
-        for run, ((_, model, setting), criteria) in enumerate(zip(self.cases, judged, strict=True)):
-            step_degC = abs(self.scenario.setpoint_degC - conditions(self.scenario, model)[0])
-            most_degC = 100.0 * abs(model.gain_degC_per_pct) * self.words.sample_time_s / max(model.lags_s)
-            grows = {"°C": most_degC, "% of rise": 100.0 * most_degC / step_degC}
-            share = near_limit(self.step_s, model.dead_time_s)
-            if setting in missed and any(
-                    one.strain > (share if one.name not in _LASTS else min(share, CLOSE - grows[one.unit] / one.limit))
-                    for one in criteria if one.limit and one.name != _OF_HEATER):
-                late.append(run)
-        return late
+        return [run for run, criteria in enumerate(judged)
+                if self.cases[run][2] in missed and self._may_reach(self.cases[run][1], criteria)]
+
+    def with_late_calls(self, judged: Sequence[_Judged], coverage: Coverage) -> dict[int, list[_Judged]]:
+        """Return the criteria of the runs of `late_calls` from each other start, by number; arguments likewise."""
+        if not (late := self.late_calls(judged)):
+            return {}
+        only = [(self.cases[run][0], self.cases[run][2], self.mains_power) for run in late]
+        again = [self.again(self.scenario, only, coverage, start=start + 1).judge_all() for start in range(self.starts)]
+        return {run: [each[place] for each in again] for place, run in enumerate(late)}
+
+    def _may_reach(self, model: HeaterModel, criteria: _Judged) -> bool:
+        step_degC = abs(self.scenario.setpoint_degC - conditions(self.scenario, model)[0])
+        most_degC = 100.0 * abs(model.gain_degC_per_pct) * self.words.sample_time_s / max(model.lags_s)
+        grows = {"°C": most_degC, "% of rise": 100.0 * most_degC / step_degC}
+        share = near_limit(self.step_s, model.dead_time_s)
+        return any(one.strain > (share if one.name not in _LASTS else min(share, CLOSE - grows[one.unit] / one.limit))
+                   for one in criteria if one.limit and one.name != _OF_HEATER)
 
     @property
     def scans(self) -> int:
