@@ -4,7 +4,7 @@ Heaters are drawn and designed for (outages.py); "tables" in place of FIRST take
 lives through drawn days under every setting of its open points, the condition held all day: mains at 0.81, 1 or 1.21 of
 the power, one of the plausible heaters with its own ambient. Events: setpoint changes, small ones and large ones; open
 circuits from a scan to 20 TN, also while the setpoint moves and with a loss of the supply in them; load off and on; cold
-goods; restarts from hot to cold. They fall on sixteenths of a scan, half of them before the loop is at rest. The
+goods; restarts from hot to cold. Where calls come late, the one of ten that is missed is drawn. Events fall on sixteenths of a scan, half of them before the loop is at rest. The
 controllers' arithmetic and the heater are those of second_opinion.c, which shares nothing with the proof; the day, its
 instants and its judgement are of this file.
 
@@ -289,6 +289,7 @@ def judged(library, fitted, design, seed, *, days=2, events=60):
     models = holding_heaters(fitted, setpoints_for(fitted, design.conditions)[1])
     settings = settings_to_prove(controller_for(design.proof.words.target).switches)
     limits, rng = _limits(design.proof.limits) | {"iae": math.inf}, np.random.default_rng([seed, 20261127])
+    late = np.random.default_rng([seed, 20261129])  # which of ten calls is missed where they come late
     powers = [mains for mains in MAINS for _ in range(days)]
     number = max(len(powers), len(models), len(settings))
     draws = zip(*(([*each] * number)[:number] for each in (models, settings, powers)), strict=True)
@@ -304,6 +305,7 @@ def judged(library, fitted, design, seed, *, days=2, events=60):
         if not b.ambient < low < b.setpoint:
             continue
         day = DayWriter(b, low, mains, rng, (b, *others)).write(events)
+        b = replace(b, missed=int(late.integers(10)))
         yield mains, name, setting, proven, broken(library, b, limits, day)
 
 

@@ -38,7 +38,8 @@ ROOT = Path(__file__).parents[2]
 EQUIVALENT = Path(__file__).with_suffix(".txt")
 PLANTED = Path(__file__).with_name("planted.toml")
 SOURCE = "src/heatertune"
-MUTATED = ("plc/**/*.py", *(f"proof/{name}.py" for name in ("judge", "criteria", "verdict", "meter", "metered", "measured", "words_file")))
+MUTATED = ("plc/**/*.py", *(f"proof/{name}.py" for name in (
+    "criteria", "kernel", "long_outage", "loop", "meter", "phase_statistics", "plant", "proof", "runs", "test_sequence", "verdict", "words_file")))
 #: the search for words and what the fit supposes: tested beside pid, model and chain, by long tests
 NOT_HERE = ("choose", "choice", "promise", "design", "laws", "commissioning")
 TESTS = ("tests/plc", "tests/golden", "tests/proof", "tests/chain/test_words.py")

@@ -47,6 +47,7 @@ typedef struct {
     const double *late;                    /* by how much each scan of the story comes late [s], or NULL */
     int64_t lates;
     double longer;                         /* the time beyond each rest, of the story's duration */
+    int64_t before;                        /* calls of ten at a start-up, of which the tenth is missed */
 } Case;
 
 typedef struct {                           /* of one phase, all temperatures from the setpoint [degC, s] */
@@ -535,9 +536,11 @@ static double iec(const Case *c, Memory *m, float w, float x)
     return out >= least ? out > most ? most : out : least;
 }
 
-/* whether this call is the tenth that is missed; n: calls since the last one missed, whether the one before was */
-static int missed(Memory *m, int late)
+/* whether this call is the tenth that is missed; n: calls since the last one missed, whether the one before was, whether it counts */
+static int missed(const Case *c, Memory *m, int late)
 {
+    if (!m->n[2]) m->n[0] = c->before;
+    m->n[2] = 1;
     m->n[0] = (m->n[0] + 1) % 10;
     m->n[1] = late && m->n[0] == 1 && m->begun;
     return late && m->n[0] == 0;
@@ -562,7 +565,7 @@ static double arduino(const Case *c, Memory *m, double w, double x)
     kd = rounded(c, rounded(c, kd / tenth) / ratio);
     w = rounded(c, w);
     x = rounded(c, x);
-    if (missed(m, c->sw[1])) return m->g[2];
+    if (missed(c, m, c->sw[1])) return m->g[2];
     if (full_power(c, m, rounded(c, w - x))) {         /* by hand at 0 */
         m->begun = 0;
         return m->g[2] = within(100.0 * most / c->words[4], 0.0, 100.0);
@@ -582,7 +585,7 @@ static double arduino(const Case *c, Memory *m, double w, double x)
 static double simple(const Case *c, Memory *m, double w, double x)
 {
     double most = c->words[3], t = c->words[4] / 1000.0;
-    if (missed(m, c->sw[0])) return m->g[2];
+    if (missed(c, m, c->sw[0])) return m->g[2];
     if (full_power(c, m, w - x)) {                     /* no object */
         m->begun = 0;
         m->g[0] = 0.0;
@@ -603,7 +606,7 @@ static double esphome(const Case *c, Memory *m, float w, float x)
 {
     float kp = (float)c->words[0], ki = (float)c->words[1], kd = (float)c->words[2];
     float least = (float)c->words[3], most = (float)c->words[4], t = (float)c->words[5] / 1000.0f, e = w - x, d = 0.0f;
-    if (missed(m, c->sw[0])) return 100.0 * m->f[2];
+    if (missed(c, m, c->sw[0])) return 100.0 * m->f[2];
     if (m->n[1]) t = t + t;
     if (!m->begun) t = 0.0f;
     float change = e * t, p = kp * e;

@@ -86,6 +86,7 @@ class Bench:
         sizes: by what each part's event is multiplied, of a change of mains the power; none: by nothing.
         noises: of each scan [°C]; None: drawn by the seed.
         jitter: latest delay of a scan [s]; `lates`: of each [s]; None: drawn by the seed.
+        missed: calls of ten that a start-up counts as made, where each tenth is missed.
     """
 
     gain: float
@@ -122,6 +123,7 @@ class Bench:
     noises: np.ndarray | None = None
     jitter: float = 0.0
     lates: np.ndarray | None = None
+    missed: int = 0
 
     @property
     def possible(self):
@@ -348,6 +350,7 @@ class _Case(ctypes.Structure):
         ("asked", ctypes.c_void_p), ("from", ctypes.c_void_p), ("power", ctypes.c_void_p), ("supplied", ctypes.c_void_p),
         ("band", ctypes.c_double), ("noise", ctypes.c_void_p), ("noises", ctypes.c_int64), ("sigma", ctypes.c_double),
         ("late", ctypes.c_void_p), ("lates", ctypes.c_int64), ("longer", ctypes.c_double),
+        ("before", ctypes.c_int64),
     )
 
 
@@ -476,7 +479,7 @@ def _prepared(b):
         dead=b.dead + delay, ambient=b.ambient, start=b.ambient, per_lag=1.0 / lag,
         per_inner=1.0 / inner if inner else 0.0, ramp=ramp, hold=hold, ramp_calls=calls,
         within=b.boost[0] if b.boost else 0.0, again=b.boost[1] if b.boost else 0.0, phases=len(parts), band=b.band,
-        noises=len(noise), sigma=b.noise, lates=len(late),
+        noises=len(noise), sigma=b.noise, lates=len(late), before=b.missed,
         **{name: array.ctypes.data if len(array) else None for name, array in held.items()})
     return Opinion(parts, [begin * tick for begin in begins]), case, held
 

@@ -18,6 +18,7 @@ from heatertune.proof import (
     prove_models,
     simulate,
 )
+from heatertune.proof.meter import faults
 
 STEP_S = 0.001
 SCENARIO = Scenario(setpoint_degC=40.0, duration_s=400.0, disturbances=(
@@ -68,3 +69,7 @@ def test_integrals_and_crossings_are_those_of_a_fine_integration(tenths, words, 
     for criteria in (run.criteria, judge(trace, limits)):
         measured = {each.name: each.value for each in criteria}
         assert {name: measured[name] for name in expected} == pytest.approx(expected, rel=1e-3)
+
+
+def test_the_bits_of_a_byte_of_flags_are_counted():
+    assert [faults(bits) for bits in range(256)] == [f"{bits:b}".count("1") for bits in range(256)]

@@ -159,3 +159,8 @@ def test_an_interlock_that_makes_no_sense_is_refused():
     with pytest.raises(OutOfRange, match="fan_stops_s"):
         _interlock(fan_stops_s=-1.0)
     assert INTERLOCKS == ("heater-fan",)
+
+
+def test_the_first_scan_after_the_heater_was_known_to_be_cold_is_looked_at():
+    # hot from 3 s on, which is a scan of 10 ms; known to be cold until just before it
+    assert _interlock(45.0).opens_s(lambda t: np.where(t >= 3.0 - 1e-9, 50.0, 40.0), 10.0, 2.995) == pytest.approx(3.0)

@@ -13,7 +13,7 @@ from heatertune.errors import OutOfRange
 from heatertune.model.model_values import Fopdt
 from heatertune.pid.design_values import Margins
 from heatertune.proof import Actuator, Criterion, Load, LoopLimits, Scenario, TemperatureStep, Trace
-from heatertune.proof.criteria import worst_of
+from heatertune.proof.criteria import _strains, worst_of
 from heatertune.proof.scenario import Mains, NewSetpoint, Phase, PlcPower, SetpointRampEvent
 from heatertune.proof.verdict import Interlock
 
@@ -367,3 +367,13 @@ def test_any_course_through_a_whole_story_measures_what_its_samples_show(seed):
     found = {name: each.value for name, each in _judged(trace, tolerance_degC=band).items()}
     assert found.pop("power_reserve") == 100.0 - (80.0 - AMBIENT)
     assert found == pytest.approx({name: expected[name] for name in found}, rel=1e-3, abs=0.01)
+
+
+@pytest.mark.parametrize("at_least", [False, True])
+def test_many_values_use_of_their_limits_what_each_of_them_does(at_least):
+    ends = (-2.0, 0.0, 0.5, 1.0, 3.0, math.inf, math.nan)
+    pairs = [(value, limit) for value in ends for limit in (-1.0, 0.0, 0.5, 2.0)]
+    values, limits = np.array(pairs).T
+    one_by_one = [Criterion(name="x", value=value, limit=limit, unit="", what="", at_least=at_least).strain for value, limit in pairs]
+    assert _strains(values, limits, at_least=at_least).tolist() == one_by_one
+    assert _strains(np.array(ends), None, at_least=at_least).tolist() == [0.0] * 6 + [math.inf]

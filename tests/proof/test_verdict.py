@@ -23,6 +23,7 @@ from heatertune.proof.verdict import (
     FitDiagnosticsView,
     combined_verdict,
     derived_verdict,
+    samples_text,
     verdict_first,
     verdict_line,
     verdict_notes,
@@ -387,3 +388,9 @@ def test_of_several_verdicts_the_worst_counts_and_nothing_else_is_one(verdicts, 
     assert combined_verdict(verdicts) == one
     with pytest.raises(InputError, match="expected PASS, NOT PROVEN or FAIL, got 'maybe'"):
         combined_verdict([*verdicts, "maybe"])
+
+
+def test_the_least_round_number_of_samples_that_decides_is_suggested():
+    # 59 that all pass are the fewest for 95 % with 95 % confidence (Wilks), so 100 decide
+    drawn = {"count": 50, "quantile": 0.95, "settings": [{"switches": {}, "passing_count": 50}]}
+    assert samples_text(drawn).endswith(": --samples 100")

@@ -111,6 +111,7 @@ class StepFunctions:
         started: (parameters, state) → the cold state, made in the cells of the one given where it has cells.
         restarted: (parameters, cold state, state) → the state after a start-up of the PLC, as the exported program and
             what the PLC retains leave it.
+        other_starts: (parameters, cold state) → cold states from which the calls that are missed are other ones.
         stored: a sum as the setpoint word holds it.
         singles: whether all floats of parameters, state and setpoint are REALs: a compiled step may then be given them
             in single precision.
@@ -124,6 +125,7 @@ class StepFunctions:
     own: Callable[[Any], Any] = as_it_is
     cold_start: Callable[[Any, Any], Any] = started_as_it_is
     warm_start: Callable[[Any, Any, Any], Any] = cold_again
+    other_starts: Callable[[Any, Any], Sequence[Any]] = lambda _parameters, _cold: ()
     store_setpoint: Callable[[Any], Any] = as_it_is
 
     def run(self, running: ControllerState, setpoint: Any, reading: Any, *, cycle_start: bool) -> tuple[ControllerState,

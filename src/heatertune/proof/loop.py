@@ -102,7 +102,7 @@ class LoopController:
 def simulate(  # noqa: PLR0913 - what a run is made of
     controller: Controller, words: Words, model: HeaterModel, scenario: Scenario,
     actuator: Actuator | None = None, switches: Mapping[str, str] | None = None, interlock: Interlock | None = None, *,
-    limits: LoopLimits | None = None, direct: bool = False,
+    limits: LoopLimits | None = None, direct: bool = False, start: int = 0,
 ) -> Trace:
     """Return what the heater does when the PLC runs these words.
 
@@ -116,6 +116,7 @@ def simulate(  # noqa: PLR0913 - what a run is made of
         interlock: what may switch the heater off for good; None: nothing.
         limits: the run is measured for the trace's criteria; None: it has none.
         direct: without the controller's listing, where that can be.
+        start: as for `in_loop`.
 
     Raises:
         InputError: no actuator where one is needed, an unknown ambient temperature.
@@ -125,7 +126,7 @@ def simulate(  # noqa: PLR0913 - what a run is made of
     check_words(controller, words, scenario)
 
     def run_from_cold(cut_s: float) -> Trace:
-        loop = in_loop(controller, words, scenario.setpoints_degC, switches or {}, direct=direct)
+        loop = in_loop(controller, words, scenario.setpoints_degC, switches or {}, direct=direct, start=start)
         return run_loop(loop, model, scenario, actuator, limits, cut_s=cut_s)
 
     trace = run_from_cold(math.inf)
@@ -388,7 +389,7 @@ def ring_size(pulses: int) -> int:
 
 def in_loop(
     controller: Controller, words: Words, setpoints_degC: Sequence[float], switches: Mapping[str, str], *,
-    direct: bool = False,
+    direct: bool = False, start: int = 0,
 ) -> LoopController:
     """Return a controller that runs words, asked for the setpoint of each phase.
 
@@ -398,6 +399,7 @@ def in_loop(
         setpoints_degC: of the phases [°C].
         switches: settings of the controller's open points; those not named have their default.
         direct: without its listing, where that can be.
+        start: 0: the cold state; else the number of one of `StepFunctions.other_starts`, from 1 on.
 
     Raises:
         UnknownName: a switch or setting the controller does not have.
@@ -415,7 +417,7 @@ def in_loop(
     return LoopController(
         core=replace(core, store_setpoint=single) if isinstance(asked[0], float) else core,
         parameters=running.parameters,
-        state=running.state,
+        state=(running.state, *core.other_starts(running.parameters, running.state))[start],
         sensor=controller.sensor(words.scaling),
         setpoints=asked,
         scan_s=timing.scan_s,

@@ -340,7 +340,8 @@ def prove_models(
     if controller.direct is not None and coverage.whole:  # measured on traces, whose last digits differ
         for run in {0, _worst(results)}:
             results[run] = _ran(results[run], runs.judge(traced(run), run))
-    states = _with_other_states(runs, results, judged, coverage) if coverage.draws else []
+    states = [*_with_late_calls(runs, results, judged, coverage), *_with_other_states(runs, results, judged, coverage)
+              ] if coverage.draws else []
     seeds, remarks = _with_draws(runs, results, judged) if coverage.draws else ({}, [])
     heard = replace(heard, remarks=(*heard.remarks, *states, *remarks))
     broken: Mapping[str, tuple[Run, ...]] = {}
@@ -452,19 +453,62 @@ def _with_other_states(
         [result.criteria[:len(ran)] for result, ran in zip(results, judged, strict=True)],
         [near_limit(part.step_s, model.dead_time_s) for part in runs.parts for _, model, _ in part.cases],
         [tick_degC for part in runs.parts for tick_degC in part.ticks_degC])
-    before = after = 0.0
+    others = dict[int, list[tuple[Criterion, ...]]]()
     for run in near:
         part, _ = runs.place(run)
+        others[run] = [part.again(state, [results[run].run], replace(coverage, progress=str)).judge_all()[0]
+                       for state in other_states(part.scenario, part.loops[0].scan_s, part.step_s)]
+    return _enter(results, judged, others, f"{STATES} other initial states")
+
+
+def _most(criteria: Sequence[Criterion]) -> float:
+    """Return how much of a limit is used at most."""
+    return max(one.strain for one in criteria)
+
+
+def _with_late_calls(
+    runs: AllRuns, results: list[RunResult], judged: Sequence[tuple[Criterion, ...]], coverage: Coverage
+) -> list[str]:
+    """Enter what runs use of their limits where other calls are missed, if all runs pass; return a remark.
+
+    Args:
+        runs: what ran.
+        results: of all runs.
+        judged: the criteria of each that need a run.
+        coverage: of the proof.
+    """
+    others, first = dict[int, list[tuple[Criterion, ...]]](), 0
+    if any(result.verdict != "PASS" for result in results):
+        return []
+    for part in runs.parts:
+        same = part.with_late_calls(judged[first:first + len(part.cases)], replace(coverage, progress=str))
+        others |= {first + run: each for run, each in same.items()}
+        first += len(part.cases)
+    return _enter(results, judged, others, "calls missed at any scan")
+
+
+def _enter(
+    results: list[RunResult], judged: Sequence[tuple[Criterion, ...]],
+    others: Mapping[int, Sequence[tuple[Criterion, ...]]], summary: str,
+) -> list[str]:
+    """Enter the worst of the same runs made otherwise, where a verdict depends on it; return a remark.
+
+    Args:
+        results: of all runs.
+        judged: the criteria of each that need a run.
+        others: number of a run → its criteria in each other way.
+        summary: what is other, in words.
+    """
+    before = after = 0.0
+    for run, same in others.items():
         ran = results[run].criteria[:len(judged[run])]
-        worst = worst_state(ran, [part.again(state, [results[run].run], replace(coverage, progress=str)).judge_all()[0]
-                                  for state in other_states(part.scenario, part.loops[0].scan_s, part.step_s)])
-        if max(one.strain for one in worst) <= CLOSE:  # no verdict hangs on it
+        worst = worst_state(ran, same)
+        if _most(worst) <= CLOSE:  # no verdict hangs on it
             continue
-        if not 1.0 < max(one.strain for one in worst) <= SAME:
+        if not 1.0 < _most(worst) <= SAME:
             results[run] = _ran(results[run], worst)
-        before, after = (max(most, *(one.strain for one in criteria)) for most, criteria in (
-            (before, ran), (after, worst)))
-    return [f"{STATES} other initial states: {100.0 * after:.4g} % of a limit is used, {100.0 * before:.4g} % before"
+        before, after = max(before, _most(ran)), max(after, _most(worst))
+    return [f"{summary}: {100.0 * after:.4g} % of a limit is used, {100.0 * before:.4g} % before"
             ] if after > before else []
 
 

@@ -32,7 +32,7 @@ from heatertune.plc.controller import Controller
 from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Words
 from heatertune.processors import ProgressCallback, interruption_point, processors, threaded_map
-from heatertune.proof.criteria import Criterion, LoopLimits, columns_of, meter_for, worst_of
+from heatertune.proof.criteria import Criterion, LoopLimits, columns_of, meter_for, names_of, worst_of
 from heatertune.proof.heaters import RATED_ONLY, limits_off_rated, mains_label
 from heatertune.proof.kernel import AS_TOLD, LoopBatch, TraceArrays
 from heatertune.proof.long_outage import LongOutage
@@ -50,7 +50,15 @@ from heatertune.proof.loop import (
     scans_of,
     simulate,
 )
-from heatertune.proof.phase_statistics import CriterionTable, join_tables, reorder, rests_of, table_from
+from heatertune.proof.phase_statistics import (
+    CriterionTable,
+    behind_degC,
+    beyond_degC,
+    join_tables,
+    reorder,
+    rests_of,
+    table_from,
+)
 from heatertune.proof.scenario import Scenario, SetpointRampEvent, conditions, delay_heater, events_of
 from heatertune.proof.trace import Trace
 from heatertune.proof.verdict import Coverage, Interlock, Run
@@ -225,6 +233,7 @@ class Runs:
         done: how many runs of the proof come before these, and how many there are in all; None: these are all.
         reference: what these are runs of, and the same runs in the test sequence, whose time to return theirs is held
             against; None: these are held against their limits alone.
+        start: state from which the controller begins, see `heatertune.proof.loop.in_loop`.
     """
 
     controller: Controller
@@ -240,12 +249,13 @@ class Runs:
     done: tuple[int, int] | None = None
     models: Sequence[tuple[str, HeaterModel]] = ()
     reference: tuple[LongOutage, Runs] | None = None
+    start: int = 0
 
     @classmethod
     def of(  # noqa: PLR0913 - what a run is made of
         cls, controller: Controller, words: Words, models: Sequence[tuple[str, HeaterModel]], scenario: Scenario,
         actuator: Actuator | None, limits: LoopLimits, coverage: Coverage, *, interlock: Interlock | None,
-        mains_power: float | None = None,
+        mains_power: float | None = None, start: int = 0,
     ) -> Runs:
         """Return the runs of every model under every setting that a proof covers.
 
@@ -259,6 +269,7 @@ class Runs:
             coverage: which of the runs are made.
             interlock: as the attribute.
             mains_power: as the attribute; the heaters' gains are those at this power.
+            start: as the attribute.
 
         Raises:
             InputError: no model or no run, or as in `simulate`, with the model's label.
@@ -273,17 +284,18 @@ class Runs:
                  if coverage.runs(name, setting, mains_power)]
         if not cases:
             raise InputError("a proof needs at least one run")
-        loops = [in_loop(controller, words, scenario.setpoints_degC, setting, direct=True) for setting in settings
-                 if any(setting is ran for *_, ran in cases)]
+        loops = [in_loop(controller, words, scenario.setpoints_degC, setting, direct=True, start=start)
+                 for setting in settings if any(setting is ran for *_, ran in cases)]
         return cls(controller=controller, words=words, cases=cases, loops=loops, scenario=scenario,
                    actuator=_at_mains(actuator_of(loops[0], actuator), mains_power),
                    limits=limits if mains_power is None else limits_off_rated(limits), interlock=interlock,
-                   progress=coverage.progress, mains_power=mains_power, models=models)
+                   progress=coverage.progress, mains_power=mains_power, models=models, start=start)
 
-    def again(self, scenario: Scenario, only: Sequence[Run], coverage: Coverage) -> Runs:
-        """Return some of these runs in another scenario."""
+    def again(self, scenario: Scenario, only: Sequence[Run], coverage: Coverage, *, start: int = 0) -> Runs:
+        """Return some of these runs in another scenario, or from another start."""
         again = Runs.of(self.controller, self.words, self.models, scenario, self.actuator, self.limits,
-                        replace(coverage, only=only), interlock=self.interlock, mains_power=self.mains_power)
+                        replace(coverage, only=only), interlock=self.interlock, mains_power=self.mains_power,
+                        start=start)
         return replace(again, actuator=self.actuator)
 
     def label(self, run: int) -> str:
@@ -311,6 +323,39 @@ class Runs:
         return [100.0 * share * abs(model.gain_degC_per_pct) for _, model, _ in self.cases]
 
     @property
+    def starts(self) -> int:
+        """How many other starts there are under some setting, see `start`."""
+        return max(len(loop.core.other_starts(loop.parameters, loop.state)) for loop in self.loops)
+
+    def late_calls(self, judged: Sequence[_Judged]) -> list[int]:
+        """Return the runs in which a call that is missed at another scan may reach a limit.
+
+        The power then lasts an interval longer: an overshoot grows by what full power heats in that time at most.
+
+        Args:
+            judged: criteria of each run.
+        """
+        missed = [loop.switches for loop in self.loops if loop.core.other_starts(loop.parameters, loop.state)]
+        return [run for run, criteria in enumerate(judged)
+                if self.cases[run][2] in missed and self._may_reach(self.cases[run][1], criteria)]
+
+    def with_late_calls(self, judged: Sequence[_Judged], coverage: Coverage) -> dict[int, list[_Judged]]:
+        """Return the criteria of the runs of `late_calls` from each other start, by number; arguments likewise."""
+        if not (late := self.late_calls(judged)):
+            return {}
+        only = [(self.cases[run][0], self.cases[run][2], self.mains_power) for run in late]
+        again = [self.again(self.scenario, only, coverage, start=start + 1).judge_all() for start in range(self.starts)]
+        return {run: [each[place] for each in again] for place, run in enumerate(late)}
+
+    def _may_reach(self, model: HeaterModel, criteria: _Judged) -> bool:
+        step_degC = abs(self.scenario.setpoint_degC - conditions(self.scenario, model)[0])
+        most_degC = 100.0 * abs(model.gain_degC_per_pct) * self.words.sample_time_s / max(model.lags_s)
+        grows = {"°C": most_degC, "% of rise": 100.0 * most_degC / step_degC}
+        share = near_limit(self.step_s, model.dead_time_s)
+        return any(one.strain > (share if one.name not in _LASTS else min(share, CLOSE - grows[one.unit] / one.limit))
+                   for one in criteria if one.limit and one.name != _OF_HEATER)
+
+    @property
     def scans(self) -> int:
         """Scans of a run."""
         return scans_of(self.loops[0], self.scenario)
@@ -321,7 +366,7 @@ class Runs:
         scenario = self.scenario if seed is None else replace(self.scenario, seed=seed)
         return simulate(
             self.controller, self.words, model, scenario, self.actuator, setting, self.interlock, limits=self.limits,
-            direct=direct)
+            direct=direct, start=self.start)
 
     def judge_all(self) -> list[_Judged]:
         """Return the criteria of each run."""
@@ -371,7 +416,7 @@ class Runs:
         kept = _judged.get()
         if kept is None:
             return self._measured(runs, seeds, tell)
-        same = repr(self.words), self.scenario, self.actuator, self.limits
+        same = repr(self.words), self.scenario, self.actuator, self.limits, self.start
         keys = [(*same, self.label(run), tuple(self.cases[run][2].items()), self.cases[run][1], seed)
                 for run, seed in zip(runs, seeds or [self.scenario.seed] * len(runs), strict=True)]
         new = [place for place, key in enumerate(keys) if key not in kept]
@@ -510,6 +555,9 @@ _JUST_AFTER: Final = 0.01
 _LONGER: Final = 0.25
 #: of the heater alone: no state changes it
 _OF_HEATER: Final = "power_reserve"
+#: overshoots of large steps: the power is at its limit before, and one more interval of it adds to them
+_LASTS: Final = frozenset(names_of(
+    beyond_degC, behind_degC, phases=("heat-up", "reheat", "restart", "change", "recovery")))
 #: criteria of one band: what hunts between two ticks uses the sum of both, and of one tick's effect
 _SWING: Final = "limit_cycle"
 _AT_REST: Final = frozenset({"steady_offset", _SWING})

@@ -275,4 +275,8 @@ def _measure(sensor: Sensor, temperature_degC: float) -> float:
     return 1.0 * single(sensor.low + sensor.span * count(sensor, temperature_degC) / sensor.counts)
 
 
-PARALLEL: Final = StepFunctions(step=step, measure=_measure, flags=FLAGS)
+def _other_starts(p: ParallelParameters, cold: ParallelState) -> list[ParallelState]:
+    return [cold._replace(calls=calls) for calls in range(1, _TEN)] if p.late else []
+
+
+PARALLEL: Final = StepFunctions(step=step, measure=_measure, flags=FLAGS, other_starts=_other_starts)
