@@ -45,9 +45,10 @@ def test_a_boost_that_lasts_a_scan_longer_after_another_time_without_supply_does
     design = find_passing_design(model_by_hand(model), replace(wanted, as_is=True))
     words = design.proof.words.with_boost(Boost(within_degC=single(within_degC), again_degC=single(again_degC)))
     proof = prove(words, model_by_hand(model), _rated(design.conditions, tmp_path))
-    assert all(criterion.ok for criterion in proof.criteria), "of the story, which the boost mends"
-    assert "warm-restart" in proof.diagnostics.blocking
-    assert proof.verdict == "NOT PROVEN"
+    broken = [criterion.name for criterion in proof.criteria if not criterion.ok]
+    assert broken == (["restart_overshoot"] if number == 17 else []), "17: by a late call that ends the boost, of the story itself"
+    assert broken or "warm-restart" in proof.diagnostics.blocking
+    assert proof.verdict == ("FAIL" if broken else "NOT PROVEN")
     benches = [bench_of(model, replace(design, proof=proof), settings) for settings in settings_to_prove(controller_for(target).switches)]
     library, limits = compiled(tmp_path), _limits(proof.limits) | {"iae": math.inf}
     assert max(restarts(library, b, limits)[0][0] for b in benches) > beyond

@@ -31,6 +31,7 @@ _GOOD_PCT: Final = 98.0  # of a zone's log: a network that explains less has to 
 _MOST_LEFT: Final = 4.0  # times the noise between neighbouring rows, that it may leave then
 _COLDER: Final = 0.02  # exchange below 0 that cannot be the noise of a weak one
 _NO_HEATER: Final = 1e3  # ratio of an end of an interval to the gain or lag, from which on nothing is known of it
+_LONGEST_LAG: Final = 1e3  # times a log's length: a heater that is slower is none, its readings are a ramp
 _FROM_REST: Final = "log a step of each zone's power, one after the other, each until all temperatures are steady"
 _GAP_TIMES: Final = 5.0  # intervals without a row are a gap
 _MOST_GAPS: Final = 3  # that are looked at, the longest
@@ -369,8 +370,10 @@ def _is_explained(log: ZoneLog, structure: str | None) -> bool:
 def _result(log: ZoneLog, problem: NetworkProblem, fit: NetworkFit) -> FittedNetwork:
     readings, (own, _), covariance = problem.readings, fit.layout.parts(fit.values), problem.covariance(fit)
     reach = _NORMAL * np.sqrt(np.diag(covariance)[: own.size].reshape(own.shape)[:, :2])
-    for zone, ambient, known in zip(log.zones, own[:, 3], reach < math.log(_NO_HEATER), strict=True):
-        if ambient < ABSOLUTE_ZERO_DEGC or not np.all(known):
+    longest = math.log(_LONGEST_LAG * float(np.ptp(log.time_s)))
+    known = np.all(reach < math.log(_NO_HEATER), axis=1) & (own[:, 1] < longest)
+    for zone, ambient, is_known in zip(log.zones, own[:, 3], known, strict=True):
+        if ambient < ABSOLUTE_ZERO_DEGC or not is_known:
             cause = "; ".join(problem.misread_powers(log.zones))
             raise InputError(f"{log.name}: the log does not show the heater of zone {zone!r}: {cause or _FROM_REST}")
     error = np.sqrt(np.sum(fit.residuals**2, axis=0) / np.sum((readings - readings.mean(axis=0)) ** 2, axis=0))

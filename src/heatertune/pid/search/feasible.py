@@ -348,7 +348,7 @@ def polish(problem: Problem, start: PidDesign) -> tuple[PidDesign, str]:
         return start, "IPOPT was not used: TN/K needs no simulation, and the feasible-set search is exact."
     interruption_point()
     try:
-        program = nonlinear_program(problem, start)
+        program = _exact_program(problem, start)
     except _NoProgram as why:
         return start, f"IPOPT was not used: {why}; the result of the feasible-set search is used."
     interruption_point()
@@ -365,6 +365,13 @@ def polish(problem: Problem, start: PidDesign) -> tuple[PidDesign, str]:
     if problem.objective == "ise":
         return polished, comparison
     return min((start, polished), key=problem.cost), comparison
+
+
+def _exact_program(problem: Problem, start: PidDesign) -> NonlinearProgram:
+    """Return the program; one whose intervals are not TA only where the search leaves the rest to IPOPT."""
+    if problem.objective != "ise" and _scans(problem, start) > 1:
+        raise _NoProgram(f"the response takes more than {_SAMPLES} samples")
+    return nonlinear_program(problem, start)
 
 
 _PATIENT: Final = 1000  # iterations of a changed problem, whose start may be far away
