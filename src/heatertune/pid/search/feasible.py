@@ -331,7 +331,7 @@ def _tops(excluded: Array) -> list[float]:
 _SMOOTH = 1e-4  # °C; rounds the corner of |e| far below any sensor's resolution
 _FREQUENCIES = 240
 _SAMPLES = 400  # of a response; where more of TA are needed, the program takes one every few
-_MOST_SAMPLES = 1200  # where a short dead time allows no longer intervals
+_MOST_SAMPLES = 2000  # where a short dead time allows no longer intervals
 _SLOWER = 1.5  # times the response of the start: gains on the way may be lower
 _NEARLY_ALL = 0.998
 _MOST_DELAY = 200  # samples of dead time; each is a state of the loop inside
