@@ -168,7 +168,7 @@ class _Detail(NamedTuple):
 
 
 _FINE: Final = _Detail(_PIXELS, 500, 0.001, 0.3)  # a quarter of a pixel
-_COARSE: Final = _Detail(_PIXELS // 2, 120, 0.004, 1.0)  # a pixel: a browser draws it in half the time
+_COARSE: Final = _Detail(_PIXELS // 2, 120, 0.004, 1.0)  # a pixel, with half the points
 
 
 def loop_chart(

@@ -369,7 +369,7 @@ def polish(problem: Problem, start: PidDesign) -> tuple[PidDesign, str]:
 
 def _exact_program(problem: Problem, start: PidDesign) -> NonlinearProgram:
     """Return the program; one whose intervals are not TA only where the search leaves the rest to IPOPT."""
-    if problem.objective != "ise" and _scans(problem, start) > 1:
+    if problem.objective != "ise" and _intervals(problem, start)[0] > 1:
         raise _NoProgram(f"the response takes more than {_SAMPLES} samples")
     return nonlinear_program(problem, start)
 
@@ -487,6 +487,9 @@ class NonlinearProgram:
 def nonlinear_program(problem: Problem, start: PidDesign) -> NonlinearProgram:
     """Return the problem in the symbols of CasADi, to begin at a feasible design.
 
+    Where the response takes more than 400 TA, cost and limits are those of loops that are sampled every few TA, with
+    as much less dead time as the longer hold adds.
+
     Args:
         problem: models, objective and limits.
         start: a design within the limits.
@@ -497,7 +500,7 @@ def nonlinear_program(problem: Problem, start: PidDesign) -> NonlinearProgram:
     """
     if problem.objective == "ki" or problem.structure == "p":
         raise _NoProgram("the objective ki and a P controller need no program: their search is exact")
-    scans = _scans(problem, start)
+    scans, samples = _intervals(problem, start)
     interval, past = scans * problem.sample_time_s, problem.derivative_filter**scans
     hold_s = 0.5 * (interval - problem.sample_time_s)
     plants = [sample_plant(model, interval, computing_delay_s=-hold_s) for model in problem.limited]
@@ -514,10 +517,9 @@ def nonlinear_program(problem: Problem, start: PidDesign) -> NonlinearProgram:
     derivative = ca.exp(unknowns[2]) if problem.structure == "pid" else ca.SX(0.0)
     settings = ca.vertcat(gain, interval / integral, derivative / interval)
     omega = frequencies(interval, problem.slowest_s, _FREQUENCIES)
-    samples = int(np.clip(_response_s(problem, start) / interval, 40, _MOST_SAMPLES))
-    program = replace(problem, derivative_filter=past)
-    costs = [_cost(ca, plant, samples, program, settings) for plant in plants[: len(problem.plants)]]
-    limits = [_distances(ca, plant, settings, omega, program) for plant in plants]
+    coarser = replace(problem, derivative_filter=past)
+    costs = [_cost(ca, plant, samples, coarser, settings) for plant in plants[: len(problem.plants)]]
+    limits = [_distances(ca, plant, settings, omega, coarser) for plant in plants]
     if math.isfinite(problem.step_power):
         ta = problem.sample_time_s
         parts = 1.0 + ta / integral + (1.0 - problem.derivative_filter) * derivative / ta
@@ -556,8 +558,8 @@ def _settled_s(model: HeaterModel, design: PidDesign) -> float:
     return design.sample_time_s * max(int(np.searchsorted(each, _NEARLY_ALL * each[-1])) for each in sums)
 
 
-def _scans(problem: Problem, start: PidDesign) -> int:
-    """Return how many TA an interval of the program has, so that its samples reach to the end of the response.
+def _intervals(problem: Problem, start: PidDesign) -> tuple[int, int]:
+    """Return how many TA an interval of the program has, and how many intervals reach to the end of the response.
 
     Half of what it is longer than TA is taken from each dead time, which it adds as a hold.
 
@@ -570,7 +572,7 @@ def _scans(problem: Problem, start: PidDesign) -> int:
     if response > (_MOST_SAMPLES + 1) * scans * ta:
         raise _NoProgram(f"the response takes {response / (scans * ta):.0f} intervals of {scans * ta:.3g} s, which is "
                          f"as long as the shortest dead time allows, and {_MOST_SAMPLES} are calculated at most")
-    return scans
+    return scans, int(np.clip(response / (scans * ta), 40, _MOST_SAMPLES))
 
 
 def _cost(ca: Any, plant: SampledPlant, samples: int, problem: Problem, settings: Any) -> Any:
