@@ -61,7 +61,7 @@ def test_the_additional_runs_have_the_phases_that_the_table_names():
     for scenario, again in ((_sequence(), LOADED), (_sequence(setpoint=60.0), WINDOW)):
         timing = OutageTiming(controller_for("esphome"), WORDS, controller_for("esphome").decode(WORDS), scenario, [HEATER])
         runs |= {night.name: {kind for kind, *_ in kinds_of(night.scenario)} for night in nights_of(
-            scenario, [HEATER], timing.openings_s(), timing.restarts_s(), timing.lows_degC(), timing.lower_openings_s(),
+            scenario, [HEATER], timing.openings_s(), timing.restarts_s(), timing.lows_degC(), timing.lower_s(),
             again=again)}
     table = {event.finding: {*event.phases} for event in EVENTS if event.finding}
     assert runs.keys() == table.keys()

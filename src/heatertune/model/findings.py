@@ -114,9 +114,14 @@ KINDS: Final[dict[str, FindingKind]] = {
         "allow that overshoot (--limit reheat-overshoot), find out what your controller does at its limit (--assume), "
         "or keep it in manual while the circuit is open"),
     "low-outage": FindingKind(
-        "blocks", "it exceeds its overshoot limit after an open circuit at a lower setpoint of use",
-        "state a smaller range (--setpoint), allow that overshoot (--limit reheat-overshoot), or keep it in manual "
-        "while the circuit is open"),
+        "blocks", "it exceeds its overshoot limit after an open circuit, a restart, a load or cold goods at a lower "
+                  "setpoint of use",
+        "state a smaller range (--setpoint), allow that overshoot (--limit reheat-overshoot, restart-overshoot or "
+        "recovery-overshoot), or keep it in manual while the circuit is open"),
+    "outage-under-load": FindingKind(
+        "blocks", "it exceeds its overshoot limit after an open circuit or a restart while a load is held",
+        "allow that overshoot (--limit reheat-overshoot or restart-overshoot), or keep it in manual until the load is "
+        "taken away"),
     "loaded-outage": FindingKind(
         "blocks", "it does not come to rest after an open circuit or a restart while a load is held: its boost starts "
                   "again and again",
@@ -126,7 +131,7 @@ KINDS: Final[dict[str, FindingKind]] = {
         "build the firmware with a wider PID_FUNCTIONAL_RANGE (heatertune design tries some), or take the load away "
         "before the circuit is closed again"),
     "outage-below": FindingKind(
-        "told", "an open circuit below the stated setpoint overshoots more than allowed",
+        "told", "an open circuit, a restart or a load below the stated setpoint overshoots more than allowed",
         "state the range of setpoints in use (--setpoint LOW HIGH), or keep it in manual while the circuit is open"),
     "low-heat-up": FindingKind(
         "blocks", "it exceeds its overshoot limit on a heat-up from cold to a lower setpoint of use",

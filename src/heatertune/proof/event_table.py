@@ -8,7 +8,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from heatertune.proof.long_outage import BELOW, BRIEF, HEAT_UP, LOADED, LONGER, LOW, PART, RISING, WARM, WINDOW
+from heatertune.proof.long_outage import (
+    BELOW,
+    BRIEF,
+    HEAT_UP,
+    LOADED,
+    LONGER,
+    LOW,
+    PART,
+    RISING,
+    UNDER_LOAD,
+    WARM,
+    WINDOW,
+)
 
 __all__ = ["CONDITIONS", "EVENTS", "EXCLUDED", "MAINS_LABELS", "NOT_RUN", "Condition", "EventKind", "Exclusion"]
 
@@ -89,15 +101,19 @@ EVENTS: Final = (
               runs="nearest", finding=LONGER),
     EventKind(name="shorter open circuit", state=_REST, sizes="12 to 96 lengths around the one that integrates most",
               phases=("off", "reheat"), runs="nearest", finding=BRIEF),
-    EventKind(name="open circuit or restart under a load, with a boost", state="at rest under the load",
-              sizes="as above, and three times without supply; it has to come to rest",
+    EventKind(name="open circuit or restart under a load", state="at rest under the load",
+              sizes="as above, and 12 to 96 times without supply", phases=("off", "reheat", "restart"),
+              runs="nearest", finding=UNDER_LOAD),
+    EventKind(name="the same with a boost", state="at rest under the load", sizes="as above; it has to come to rest",
               phases=("off", "reheat", "restart"), runs="nearest", finding=LOADED),
     EventKind(name="the same with a firmware's window", state="at rest under the load",
               sizes="as above", phases=("off", "reheat", "restart"), runs="nearest", finding=WINDOW),
-    EventKind(name="open circuit in a stated range", state="at rest at a lower setpoint", sizes="as above",
-              phases=("off", "reheat"), runs="nearest", finding=LOW),
-    EventKind(name="open circuit below a stated setpoint", state="at rest, a fifth of the rise lower",
-              sizes="as above; told, it blocks nothing", phases=("off", "reheat"), runs="nearest", finding=BELOW),
+    EventKind(name="open circuit, restart, load, cold goods in a stated range",
+              state="at rest at a lower setpoint, also under the load", sizes="as above",
+              phases=("off", "reheat", "restart", "recovery"), runs="nearest", finding=LOW),
+    EventKind(name="the same below a stated setpoint", state="at rest, a fifth of the rise lower",
+              sizes="as above; told, it blocks nothing", phases=("off", "reheat", "restart", "recovery"),
+              runs="nearest", finding=BELOW),
     EventKind(name="setpoint falls and rises during an open circuit", state=_OPEN,
               sizes="it rises as the reading arrives at the lower one", phases=("off", "reheat"), runs="nearest",
               finding=RISING),

@@ -4,9 +4,12 @@ How a controller integrates decides which length of an open circuit, or which se
 methods of `OutageTiming` explain which lengths are tried. An independent search on sampled designs
 (tests/bench/outages.py) confirmed them.
 
-If the user stated a range of setpoints, open circuits and heat-ups from cold are also run at lower setpoints: they need
-less power, so full power overshoots them more. Without a range, open circuits are run at the lower setpoint of the test
-sequence, and what they show is told: the verdict speaks of the stated setpoint.
+Open circuits and restarts are also run while the load of the test sequence is held: less power is left over, and a
+controller that integrates up to a limit of its output winds up by more than the load needs.
+
+If the user stated a range of setpoints, all of these, cold goods, loads and heat-ups from cold are also run at lower
+setpoints: they need less power, so full power overshoots them more. Without a range they are run at the lower setpoint
+of the test sequence, and what they show is told: the verdict speaks of the stated setpoint.
 """
 
 from __future__ import annotations
@@ -25,14 +28,26 @@ from heatertune.plc.controller import Controller
 from heatertune.plc.words import Words
 from heatertune.proof.criteria import Criterion, names_of
 from heatertune.proof.phase_statistics import beyond_degC
-from heatertune.proof.scenario import Disturbance, Load, Mains, NewSetpoint, PlcPower, Scenario, conditions
+from heatertune.proof.scenario import (
+    REST_SHARE,
+    Course,
+    Load,
+    Mains,
+    NewSetpoint,
+    PlcPower,
+    Scenario,
+    TemperatureStep,
+    conditions,
+    heated_s,
+    way_back,
+)
 from heatertune.proof.verdict import FitDiagnostics
 from heatertune.units import written
 
 __all__ = [
     "BELOW", "BRIEF", "HEAT_UP", "JUDGED", "LOADED", "LONGER", "LOW", "OF_RANGE", "ONLY_TOLD", "OVERSHOOTS", "PART",
-    "RISING", "WARM", "WINDOW", "LongOutage", "OutageTiming", "briefly", "heat_up", "lengthen", "nights_of", "sums_up",
-    "unmended", "winds_up", "wound",
+    "RISING", "UNDER_LOAD", "WARM", "WINDOW", "LongOutage", "OutageLengths", "OutageTiming", "briefly",
+    "nights_of", "sums_up", "unmended", "winds_up", "wound",
 ]
 
 
@@ -54,6 +69,23 @@ _SCANS: Final = 1e6  # a longer test sequence gets no longer runs: a proof runs 
 _FEWEST_IN_MANY: Final = 9  # number of lengths with a boost then
 _NO_GAIN: Final = 1e-9  # [%/°C]: a smaller gain has no effect
 _HALVINGS: Final = 50
+
+
+class OutageLengths(NamedTuple):
+    """How long the circuit is open, and the PLC without supply.
+
+    Attributes:
+        openings_s: lengths of the open circuits [s].
+        restarts_s: times without supply [s].
+    """
+
+    openings_s: Sequence[float] = ()
+    restarts_s: Sequence[float] = ()
+
+    @property
+    def fewer(self) -> OutageLengths:
+        """A third of them: the shortest, and each third from there."""
+        return OutageLengths(self.openings_s[::3], self.restarts_s[::3])
 
 
 class OutageTiming(NamedTuple):
@@ -97,8 +129,8 @@ class OutageTiming(NamedTuple):
         shares = _SHARES if self.words.ramp is None else (*_SHARES, _LED)
         return self._with_more([share * middle for share in shares])
 
-    def lower_openings_s(self) -> dict[float, list[float]]:
-        """Compute the outage lengths at the lower setpoints in use [s], by setpoint [°C].
+    def lower_s(self) -> dict[float, OutageLengths]:
+        """Compute the lengths at the lower setpoints in use, by setpoint [°C].
 
         The peak is elsewhere there: without integration outside the proportional band, the reading leaves the band
         later the less it can fall. The lowest setpoint is not the worst: so close to the ambient the reading falls too
@@ -110,17 +142,17 @@ class OutageTiming(NamedTuple):
         low_degC, setpoint_degC = self.scenario.lower_setpoint_degC, self.scenario.setpoint_degC
         if low_degC is None:
             return {}
-        if self.scenario.setpoint_low_degC is None:
-            own = self._replace(closely=False, scenario=replace(self.scenario, setpoint_degC=low_degC))
-            return {low_degC: own.openings_s()}
-        step = min((step for _, step in self._steps), key=abs)
-        lowest_share = 1.0 - (setpoint_degC - low_degC) / step
-        ratio = _DOWN**2 if self._many or not self.closely else _DOWN
-        number = math.floor(math.log(lowest_share) / math.log(ratio)) if lowest_share > 0.0 else 0
-        lower = {setpoint_degC - (1.0 - ratio**place) * step: self._replace(closely=False)
-                 for place in range(1, number + 1)} | {low_degC: self}
-        return {low: timing._replace(scenario=replace(self.scenario, setpoint_degC=low)).openings_s()
-                for low, timing in lower.items()}
+        timings = {low_degC: self._replace(closely=self.closely and self.scenario.setpoint_low_degC is not None)}
+        if self.scenario.setpoint_low_degC is not None:
+            step = min((step for _, step in self._steps), key=abs)
+            lowest_share = 1.0 - (setpoint_degC - low_degC) / step
+            ratio = _DOWN**2 if self._many or not self.closely else _DOWN
+            number = math.floor(math.log(lowest_share) / math.log(ratio)) if lowest_share > 0.0 else 0
+            timings = {setpoint_degC - (1.0 - ratio**place) * step: self._replace(closely=False)
+                       for place in range(1, number + 1)} | timings
+        there = {low: timing._replace(scenario=replace(self.scenario, setpoint_degC=low))
+                 for low, timing in timings.items()}
+        return {low: OutageLengths(timing.openings_s(), timing.restarts_s()) for low, timing in there.items()}
 
     def restarts_s(self) -> list[float]:
         """Return the off-times of a PLC after which its restart may overshoot most [s]; empty without an I part.
@@ -251,6 +283,8 @@ _REHEATED: Final = names_of(beyond_degC, phases=("reheat",))
 _RESTARTED: Final = names_of(beyond_degC, phases=("restart",))
 _HEATED: Final = names_of(beyond_degC, phases=("heat-up", "restart"))
 _CHANGED: Final = names_of(beyond_degC, phases=("change",))
+_STARTED: Final = (*_REHEATED, *_RESTARTED)
+_DISTURBED: Final = (*_STARTED, *names_of(beyond_degC, phases=("recovery",)))
 _RETURN, _RESTART, _GROWTH = "reheat_time", "restart_time", "return_growth"
 LONGER, RISING, WARM, PART = "winds-up", "stays-at-limit", "warm-restart", "part-change"
 #: a shorter open circuit than that of the test sequence
@@ -259,32 +293,35 @@ LOW: Final = "low-outage"
 #: the same without a stated range: it is told, and blocks nothing
 BELOW: Final = "outage-below"
 HEAT_UP: Final = "low-heat-up"
-#: with a boost, while a load is held
+#: while a load is held
+UNDER_LOAD: Final = "outage-under-load"
+#: with a boost, while a load is held: the boost starts again and again
 LOADED: Final = "loaded-outage"
 #: the same with a firmware's own window; told, as windows wide enough for it overshoot on many a heater
 WINDOW: Final = "loaded-window"
 #: findings that block nothing
 ONLY_TOLD: Final = frozenset({BELOW, WINDOW})
 #: limits broken there are of the test sequence's kind, and other gains may help
-_MENDED: Final = frozenset({LOW, HEAT_UP, BRIEF, WARM, PART, LOADED})
+_MENDED: Final = frozenset({LOW, HEAT_UP, BRIEF, WARM, PART, LOADED, UNDER_LOAD})
 #: findings that concern the lower end of the range of setpoints
 OF_RANGE: Final = frozenset({LOW, HEAT_UP, PART})
 #: name of the finding → criteria that select the hardest run
 OVERSHOOTS: Final = {
-    LONGER: _REHEATED, RISING: _REHEATED, LOW: _REHEATED, BELOW: _REHEATED, HEAT_UP: _HEATED, BRIEF: _REHEATED,
-    WARM: _RESTARTED, PART: _CHANGED, LOADED: _REHEATED, WINDOW: _REHEATED}
+    LONGER: _REHEATED, RISING: _REHEATED, LOW: _DISTURBED, BELOW: _DISTURBED, HEAT_UP: _HEATED, BRIEF: _REHEATED,
+    WARM: _RESTARTED, PART: _CHANGED, LOADED: _REHEATED, WINDOW: _REHEATED, UNDER_LOAD: _STARTED}
 #: name of the finding → criteria that count
 JUDGED: Final = {**OVERSHOOTS, LONGER: (*_REHEATED, _RETURN, _GROWTH), RISING: (*_REHEATED, _RETURN),
                  LOADED: (_RETURN, _RESTART), WINDOW: (_RETURN, _RESTART)}
+#: findings of several events
+_SEVERAL: Final = frozenset({LOW, BELOW, UNDER_LOAD})
 _KEPT_AT_HIGHEST: Final = "the limit is kept at the highest setpoint"
 _TIMES: Final = 4.0  # as long as in the test sequence
 #: of the time to return after the test sequence's open circuit: tolerance for a heater that was not quite cold then
 _COLDER: Final = 0.1
 _SLACK: Final = 1.1  # of the test sequence's limit; one that stays at its limit exceeds it by far, or never settles
 _ANY: Final = 1e9  # of a limit: only what never ends exceeds it
-#: of the rest after a part of the test sequence, where only the overshoot counts: it has come to rest by then
-_REST_SHARE: Final = 0.1
 _OF_RESTARTS: Final = (0.0, 0.5, 1.0)  # of their number, under a load
+_HALF: Final = 0.5  # of what a lower setpoint is above the ambient: no goods are colder
 _LATER: Final = 1.2  # than full power needs to the lower setpoint: two lags carry the reading beyond it
 
 
@@ -335,7 +372,8 @@ class LongOutage(NamedTuple):
             return []
         grows = worst.name == _GROWTH and math.isfinite(worst.value)
         beyond = worst.name in OVERSHOOTS[self.name]
-        does = (f"overshoots by {worst.value:.3g} {worst.unit}" if beyond else
+        which = f" ({worst.name.replace('_', '-')})" if self.name in _SEVERAL else ""
+        does = (f"overshoots by {worst.value:.3g} {worst.unit}{which}" if beyond else
                 f"takes {written(worst.value / 60.0, 2)} min longer to return" if grows else "does not come to rest")
         return [Finding(name=self.name, message=f"{self.summary} it {does}{self.limits_kept}.")]
 
@@ -349,12 +387,13 @@ class LongOutage(NamedTuple):
 
 def nights_of(
     scenario: Scenario, models: Sequence[HeaterModel], brief_s: Sequence[float] = (), warm_s: Sequence[float] = (),
-    lows_degC: Sequence[float] = (), lower_s: Mapping[float, Sequence[float]] | None = None, *, again: str = "",
+    lows_degC: Sequence[float] = (), lower_s: Mapping[float, OutageLengths] | None = None, *, again: str = "",
 ) -> Iterator[LongOutage]:
     """Yield variants of the longest open circuit, right after the heat-up: longer, closed at lower setpoints, shorter.
 
-    Yield also open circuits of the same and of shorter lengths at lower setpoints, heat-ups to these from cold,
-    restarts of the PLC after intermediate times, and setpoint changes by less than the range.
+    Yield also open circuits of the same and of shorter lengths, and restarts, under a load and at lower setpoints,
+    heat-ups to these from cold, restarts of the PLC after intermediate times, and setpoint changes by less than the
+    range.
 
     Args:
         scenario: the test sequence; its circuits may all stay open.
@@ -362,7 +401,7 @@ def nights_of(
         brief_s: lengths of the shorter ones [s].
         warm_s: times without supply of the PLC [s].
         lows_degC: setpoints to which it falls, and from which it rises again [°C].
-        lower_s: lower setpoint in use [°C] → lengths of the shorter open circuits there [s]; None: there is none.
+        lower_s: lower setpoint in use [°C] → shorter open circuits and restarts there; None: there is none.
         again: `LOADED` if a boost starts again far from the setpoint, `WINDOW` if a firmware's window ends; else "".
     """
     lower_s = lower_s or {}
@@ -372,8 +411,8 @@ def nights_of(
     if opened:
         number = max(opened, key=lambda entry: opened[entry])
         yield from _opened(scenario, models, number, opened, brief_s, lower_s)
-        if again and brief_s and scenario.rests_s:
-            yield from _under_load(again, scenario, number, brief_s, warm_s)
+        if brief_s and scenario.rests_s and _loads_in(scenario):
+            yield from _under_load(scenario, number, OutageLengths(brief_s, warm_s), again)
     if not scenario.rests_s:
         return
     if warm_s:
@@ -401,17 +440,20 @@ def _changed_in_part(scenario: Scenario, lows_degC: Sequence[float]) -> Iterator
     fall = next((number for number, pair in enumerate(pairwise(scenario.disturbances))
                  if all(isinstance(event, NewSetpoint) for event in pair)), None)
     if fall is not None:
-        falls, rises = scenario.disturbances[fall:fall + 2]
-        befores = [NewSetpoint(time_s=falls.time_s, setpoint_degC=low) for low in lows_degC]
-        down_s = rises.time_s - falls.time_s - scenario.rests_s[fall + 1] + _REST_SHARE * scenario.rests_s[fall + 2]
+        rest_s = way_back(scenario, fall + 1, REST_SHARE)[1]
+        course = Course(scenario, rest_s)
+        for low_degC in lows_degC:
+            falls = NewSetpoint(time_s=rest_s, setpoint_degC=low_degC)
+            course.add(falls, way_back(scenario, fall, 0.0)[0] + rest_s)
+            course.single(fall + 1)
         told = f"Where the setpoint changes between its highest and {min(lows_degC):.4g} to {max(lows_degC):.4g} °C"
-        yield LongOutage(PART, _each(scenario, fall, [down_s] * len(befores), befores), told,
+        yield LongOutage(PART, course.scenario, told,
                          "; the limit is kept where it falls to its lowest, and rises from there")
 
 
 def _opened(
     scenario: Scenario, models: Sequence[HeaterModel], number: int, opened: Mapping[int, float],
-    brief_s: Sequence[float], lower_s: Mapping[float, Sequence[float]],
+    brief_s: Sequence[float], lower_s: Mapping[float, OutageLengths],
 ) -> Iterator[LongOutage]:
     heater_s = max(sum(model.lags_s) + model.dead_time_s for model in models)
     yield _longer(scenario, number, opened[number])._replace(heater_s=heater_s)
@@ -420,61 +462,38 @@ def _opened(
         yield _rising(scenario, number, _downwards({low, *lower_s}, scenario), models)
     if lower_s and brief_s and scenario.rests_s:
         longest_s = opened[number]  # near ambient the worst ones are longer, without bound
-        lengths_s = {setpoint: sorted({*opened.values(), *(length_s for length_s in shorter_s if length_s < longest_s)})
-                     for setpoint, shorter_s in lower_s.items()}
-        yield _at_lower_setpoints(scenario, number, lengths_s)
+        lengths_s = {setpoint: OutageLengths(sorted({*opened.values(), *(
+            length_s for length_s in shorter.openings_s if length_s < longest_s)}), shorter.restarts_s)
+                     for setpoint, shorter in lower_s.items()}
+        yield _at_lower_setpoints(scenario, number, lengths_s, models)
     if brief_s and scenario.rests_s:
         told = f"After {_minutes(brief_s)} with an open circuit"
         yield LongOutage(BRIEF, _each(scenario, number, brief_s), told, "; the limit is kept after a longer one")
 
 
-def _under_load(
-    name: str, scenario: Scenario, number: int, lengths_s: Sequence[float], warm_s: Sequence[float]
-) -> Iterator[LongOutage]:
+def _under_load(scenario: Scenario, number: int, lengths_s: OutageLengths, again: str) -> Iterator[LongOutage]:
     """Yield open circuits and restarts of the PLC while the load of the test sequence is held.
 
     A boost hands over to a controller with an empty I part. If P alone asks for less than the load needs, the reading
     falls until the boost starts again, and so on without end.
     """
-    place = next((place for place, event in enumerate(scenario.disturbances) if isinstance(event, Load)), None)
-    if place is None:
-        return
-    ends = [*(event.time_s for event in scenario.disturbances), scenario.duration_s]
-    opened, later_s = _each(scenario, number, lengths_s, rest_share=1.0), ends[place + 1] - ends[place]
-    load = replace(scenario.disturbances[place], time_s=opened.disturbances[0].time_s)
-    events = [replace(event, time_s=event.time_s + later_s) for event in opened.disturbances]
-    first_s, *others_s = opened.rests_s
-    loaded = replace(opened, disturbances=(load, *events), rests_s=(first_s, scenario.rests_s[place + 1], *others_s),
-                     duration_s=opened.duration_s + later_s)
-    off, restart = _restart_in(scenario), ""
-    if warm_s and off is not None:
-        few = sorted({warm_s[round(share * (len(warm_s) - 1))] for share in _OF_RESTARTS})
-        loaded = _followed_by(loaded, _each(scenario, off, few, rest_share=1.0))
-        restart = ", or a restart of the controller,"
-    yield LongOutage(name, loaded, f"After {_minutes(lengths_s)} with an open circuit{restart} while a load is held",
-                     "; it does without a load", most=_ANY)
+    off, warm_s = _restart_in(scenario), lengths_s.restarts_s
+    few_s = sorted({warm_s[round(share * (len(warm_s) - 1))] for share in _OF_RESTARTS}) if warm_s else []
+    kinds = [(UNDER_LOAD, lengths_s.fewer, REST_SHARE, 1.0, "; the limit is kept without a load"),
+             (again, OutageLengths(lengths_s.openings_s, few_s), 1.0, _ANY, "; it does without a load")]
+    for name, (openings_s, restarts_s), share, most, kept in kinds[:2 if again else 1]:
+        course = Course(scenario, way_back(scenario, number + 1, share)[1])
+        course.single(_loads_in(scenario)[0], rest_share=1.0)
+        course.pairs(number, openings_s, share)
+        course.pairs(off, restarts_s, share)
+        restart = "" if off is None or not restarts_s else ", or a restart of the controller,"
+        told = f"After {_minutes(openings_s)} with an open circuit{restart} while a load is held"
+        yield LongOutage(name, course.scenario, told, kept, most=most)
 
 
-def _followed_by(scenario: Scenario, later: Scenario) -> Scenario:
-    """Return a scenario with the events of another one after its own, without the other's heat-up."""
-    after_s = scenario.duration_s - later.disturbances[0].time_s
-    events = [replace(event, time_s=event.time_s + after_s) for event in later.disturbances]
-    return replace(scenario, disturbances=(*scenario.disturbances, *events), duration_s=later.duration_s + after_s,
-                   rests_s=(*scenario.rests_s, *later.rests_s[1:]))
-
-
-def heat_up(scenario: Scenario) -> Scenario:
-    """Return only the heat-up of a test sequence."""
-    end_s = next((event.time_s for event in scenario.disturbances), scenario.duration_s)
-    return replace(scenario, disturbances=(), rests_s=scenario.rests_s[:1], duration_s=end_s)
-
-
-def lengthen(scenario: Scenario, times: float) -> Scenario:
-    """Return a scenario with its first event, an open circuit, lengthened by a factor."""
-    begins, *others = scenario.disturbances
-    more_s = (times - 1.0) * (others[0].time_s - begins.time_s)
-    later = (replace(event, time_s=event.time_s + more_s) for event in others)
-    return replace(scenario, disturbances=(begins, *later), duration_s=scenario.duration_s + more_s)
+def _loads_in(scenario: Scenario) -> list[int]:
+    """Return the numbers of the events that take power away and give it back, none where there is no load."""
+    return [number for number, event in enumerate(scenario.disturbances) if isinstance(event, Load)]
 
 
 def _longer(scenario: Scenario, number: int, proven_s: float) -> LongOutage:
@@ -488,7 +507,7 @@ def _longer(scenario: Scenario, number: int, proven_s: float) -> LongOutage:
     """
     ends = [*(event.time_s for event in scenario.disturbances), scenario.duration_s]
     rests = scenario.rests_s
-    off_s, open_s = _heated_s(scenario, rests[number + 2]) if rests else ends[0], _TIMES * proven_s
+    off_s, open_s = heated_s(scenario, rests[number + 2]) if rests else ends[0], _TIMES * proven_s
     events = [replace(event, time_s=time_s) for event, time_s in zip(
         scenario.disturbances[number:number + 2], (off_s, off_s + open_s), strict=True)]
     longer = replace(scenario, disturbances=tuple(events),
@@ -508,51 +527,59 @@ def _rising(scenario: Scenario, number: int, lows_degC: Sequence[float], models:
     """
     ends = [*(event.time_s for event in scenario.disturbances), scenario.duration_s]
     opens, closes = scenario.disturbances[number:number + 2]
-    open_s, back_s = ends[number + 1] - ends[number], ends[number + 2] - ends[number + 1]
-    rest_s = scenario.rests_s[number + 2]
-    time_s, events, rests = _heated_s(scenario, rest_s), list[Disturbance](), [rest_s]
-    arrives = {low_degC: [_arrives_s(model, low_degC, conditions(scenario, model)[0]) for model in models]
-               for low_degC in lows_degC}
-    for low_degC, rises_s in ((low_degC, rises_s) for low_degC, times_s in arrives.items()
-                              for rises_s in (min(times_s), _LATER * max(times_s))):
-        close_s = time_s + open_s
-        events += [replace(opens, time_s=time_s),
-                   NewSetpoint(time_s=time_s + 0.5 * open_s, setpoint_degC=low_degC),
-                   replace(closes, time_s=close_s),
-                   NewSetpoint(time_s=close_s + rises_s, setpoint_degC=scenario.setpoint_degC)]
-        rests += [0.0, 0.0, 0.0, rest_s]
-        time_s = close_s + rises_s + back_s
-    rising = replace(scenario, disturbances=tuple(events), rests_s=tuple(rests), duration_s=time_s)
-    return LongOutage(RISING, rising, (
+    open_s, rest_s = ends[number + 1] - ends[number], scenario.rests_s[number + 2]
+    course = Course(scenario, rest_s)
+    for low_degC in lows_degC:
+        times_s = [_arrives_s(model, low_degC, conditions(scenario, model)[0]) for model in models]
+        for rises_s in (min(times_s), _LATER * max(times_s)):
+            course.add(opens, 0.5 * open_s)
+            course.add(NewSetpoint(time_s=opens.time_s, setpoint_degC=low_degC), 0.5 * open_s)
+            course.add(closes, rises_s)
+            course.single(number + 1, NewSetpoint(time_s=opens.time_s, setpoint_degC=scenario.setpoint_degC),
+                          rest_share=1.0)
+    return LongOutage(RISING, course.scenario, (
         f"Where the setpoint rises from {_degrees(lows_degC)} to {scenario.setpoint_degC:.4g} °C on the way back from "
         "an open circuit"), most=_SLACK)
 
 
-def _at_lower_setpoints(scenario: Scenario, number: int, lengths_s: Mapping[float, Sequence[float]]) -> LongOutage:
-    """Construct the open circuits of the test sequence again, and those of other lengths, at every lower setpoint.
+def _at_lower_setpoints(
+    scenario: Scenario, number: int, lengths_s: Mapping[float, OutageLengths], models: Sequence[HeaterModel]
+) -> LongOutage:
+    """Construct the open circuits, restarts, cold goods and load of the test sequence again, at every lower setpoint.
 
     The controller integrates until it requests full power. The less power the setpoint needs, the more of the I part
-    has to be removed, and the less P contributes to this: the overshoot is larger than at the highest setpoint.
+    has to be removed, and the less P contributes to this: the overshoot is larger than at the highest setpoint. Nor can
+    it take away more power than the setpoint needs, where a load is given back.
     """
-    ends = [*(event.time_s for event in scenario.disturbances), scenario.duration_s]
+    off, rest_s = _restart_in(scenario), way_back(scenario, number + 1, REST_SHARE)[1]
     fall = next(place for place, event in enumerate(scenario.disturbances) if isinstance(event, NewSetpoint))
-    opens, closes = scenario.disturbances[number:number + 2]
-    back_s, rest_s = _way_back(scenario, number + 1, _REST_SHARE)
-    time_s, rests, events = _heated_s(scenario, rest_s), [rest_s], list[Disturbance]()
-    fall_s = ends[fall + 1] - ends[fall] - scenario.rests_s[fall + 1] + rest_s
+    course, loads = Course(scenario, rest_s), _loads_in(scenario)
     for setpoint_degC in _downwards(lengths_s, scenario):
-        events.append(NewSetpoint(time_s=time_s, setpoint_degC=setpoint_degC))
-        rests.append(rest_s)
-        time_s += fall_s
-        for length_s in lengths_s[setpoint_degC]:
-            events += [replace(opens, time_s=time_s), replace(closes, time_s=time_s + length_s)]
-            rests += [0.0, rest_s]
-            time_s += length_s + back_s
-    lower = replace(scenario, disturbances=tuple(events), rests_s=tuple(rests), duration_s=time_s)
-    every_s = sorted(length_s for shorter_s in lengths_s.values() for length_s in shorter_s)
+        course.add(NewSetpoint(time_s=rest_s, setpoint_degC=setpoint_degC),
+                   way_back(scenario, fall, 0.0)[0] + rest_s, rest_s)
+        for taken in (None, *loads[:1]):
+            course.single(taken)
+            lengths = lengths_s[setpoint_degC] if taken is None else lengths_s[setpoint_degC].fewer
+            course.pairs(number, lengths.openings_s)
+            course.pairs(off, lengths.restarts_s)
+        for given in loads[1:]:
+            course.single(given)
+        for goods in (event for event in scenario.disturbances if isinstance(event, TemperatureStep)):
+            course.add(_colder(goods, setpoint_degC, scenario, models), *way_back(scenario, number + 1, REST_SHARE))
+    every_s = sorted(length_s for lengths in lengths_s.values() for length_s in lengths.openings_s)
+    others = "" if off is None else ", or another event of the test sequence,"
+    told = f"After {_minutes(every_s)} with an open circuit{others} at {_degrees(lengths_s)} °C"
     name = BELOW if scenario.setpoint_low_degC is None else LOW
-    return LongOutage(name, lower, f"After {_minutes(every_s)} with an open circuit at {_degrees(lengths_s)} °C",
-                      f"; {_KEPT_AT_HIGHEST}")
+    return LongOutage(name, course.scenario, told, f"; {_KEPT_AT_HIGHEST}")
+
+
+def _colder(
+    goods: TemperatureStep, setpoint_degC: float, scenario: Scenario, models: Sequence[HeaterModel]
+) -> TemperatureStep:
+    """Return cold goods that take at most half of what a lower setpoint is above any ambient."""
+    rises = [abs(setpoint_degC - conditions(scenario, model)[0]) for model in models]
+    most_degC = min(abs(goods.temperature_degC), _HALF * min(rises))
+    return replace(goods, temperature_degC=math.copysign(most_degC, goods.temperature_degC))
 
 
 def _cold_at_lower_setpoints(
@@ -564,53 +591,25 @@ def _cold_at_lower_setpoints(
     """
     if scenario.setpoint_low_degC is None:
         return
-    way_s, rest_s = _heated_s(scenario, 0.0), _REST_SHARE * min(rest_s for rest_s in scenario.rests_s if rest_s > 0.0)
+    way_s, rest_s = heated_s(scenario, 0.0), REST_SHARE * min(rest_s for rest_s in scenario.rests_s if rest_s > 0.0)
     off_s = max(model.dead_time_s + time_to(_COLD, *model.lags_s) for model in models)
-    time_s, rests, events = way_s + rest_s, [rest_s], list[Disturbance]()
+    course = Course(scenario, rest_s)
     for setpoint_degC in setpoints_degC:
-        events += [PlcPower(time_s=time_s, on=False),
-                   NewSetpoint(time_s=time_s + 0.5 * off_s, setpoint_degC=setpoint_degC),
-                   PlcPower(time_s=time_s + off_s, on=True)]
-        rests += [0.0, 0.0, rest_s]
-        time_s += off_s + way_s + rest_s
-    cold = replace(scenario, disturbances=tuple(events), rests_s=tuple(rests), duration_s=time_s)
-    yield LongOutage(HEAT_UP, cold, f"On a heat-up from cold to {_degrees(setpoints_degC)} °C",
+        course.add(PlcPower(time_s=way_s, on=False), 0.5 * off_s)
+        course.add(NewSetpoint(time_s=way_s, setpoint_degC=setpoint_degC), 0.5 * off_s)
+        course.add(PlcPower(time_s=way_s, on=True), way_s + rest_s, rest_s)
+    yield LongOutage(HEAT_UP, course.scenario, f"On a heat-up from cold to {_degrees(setpoints_degC)} °C",
                       f"; {_KEPT_AT_HIGHEST}")
 
 
-def _heated_s(scenario: Scenario, rest_s: float) -> float:
-    """Return when the heat-up of a test sequence has been at rest for so long [s]."""
-    end_s = next((event.time_s for event in scenario.disturbances), scenario.duration_s)
-    return end_s - scenario.rests_s[0] + rest_s
+def _each(scenario: Scenario, number: int, lengths_s: Iterable[float]) -> Scenario:
+    """Return the heat-up and then, of each length [s], what begins with an event and ends with the next one.
 
-
-def _way_back(scenario: Scenario, number: int, rest_share: float) -> tuple[float, float]:
-    """Return how long the part of an event lasts, and its rest, if that is as long as this share of its own [s]."""
-    ends, own_s = [*(event.time_s for event in scenario.disturbances), scenario.duration_s], scenario.rests_s
-    return ends[number + 1] - ends[number] - (1.0 - rest_share) * own_s[number + 1], rest_share * own_s[number + 1]
-
-
-def _each(
-    scenario: Scenario, number: int, lengths_s: Sequence[float], befores: Sequence[Disturbance] = (), *,
-    rest_share: float = _REST_SHARE,
-) -> Scenario:
-    """Return the heat-up and then, of each length, what begins with an event of a story and ends with the next one.
-
-    Args:
-        scenario: the test sequence.
-        number: of the event.
-        lengths_s: each [s].
-        befores: events in its place; none: it.
-        rest_share: share of the rest after the next one: where only the overshoot counts, the way back is enough.
+    Where only the overshoot counts, a share of the rest after it is enough.
     """
-    begins, back = scenario.disturbances[number:number + 2]
-    back_s, rest_s = _way_back(scenario, number + 1, rest_share)
-    time_s, events, rests = _heated_s(scenario, rest_s), list[Disturbance](), [rest_s]
-    for length_s, before in zip(lengths_s, befores or [begins] * len(lengths_s), strict=True):
-        events += [replace(before, time_s=time_s), replace(back, time_s=time_s + length_s)]
-        rests += [0.0, rest_s]
-        time_s += length_s + back_s
-    return replace(scenario, disturbances=tuple(events), rests_s=tuple(rests), duration_s=time_s)
+    course = Course(scenario, way_back(scenario, number + 1, REST_SHARE)[1])
+    course.pairs(number, lengths_s)
+    return course.scenario
 
 
 def _minutes(lengths_s: Sequence[float]) -> str:

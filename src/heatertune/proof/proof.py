@@ -34,8 +34,6 @@ from heatertune.proof.long_outage import (
     WINDOW,
     LongOutage,
     OutageTiming,
-    heat_up,
-    lengthen,
     nights_of,
 )
 from heatertune.proof.proof_document import OutcomeView, ProofView, RunView, with_digest
@@ -51,7 +49,7 @@ from heatertune.proof.runs import (
     outside_budget,
     worst_state,
 )
-from heatertune.proof.scenario import Scenario
+from heatertune.proof.scenario import Scenario, heat_up, lengthen
 from heatertune.proof.specification import Specification
 from heatertune.proof.trace import Trace
 from heatertune.proof.verdict import NOT_PROVEN, Acceptance, Coverage, FitDiagnostics, Interlock, Run, combined_verdict
@@ -618,7 +616,7 @@ def _nights(
     cooling = OutageTiming(controller, words, controller.decode(words), scenario, heaters, closely)
     again = "" if controller.again_degC(words) is None else WINDOW if words.boost is None else LOADED
     return nights_of(scenario, heaters, cooling.openings_s(), cooling.restarts_s(), cooling.lows_degC(),
-                     cooling.lower_openings_s(), again=again)
+                     cooling.lower_s(), again=again)
 
 
 def _with_band(diagnostics: FitDiagnostics, limits: LoopLimits, resolution_degC: float) -> FitDiagnostics:

@@ -6,7 +6,7 @@ Also the events of many scenarios as arrays for the kernel, the earliest first.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import pairwise
@@ -24,9 +24,10 @@ from heatertune.proof.kernel import JUMP, LOAD, MAINS, PHASE
 from heatertune.units import check
 
 __all__ = [
-    "LED", "TO_SETPOINT", "Disturbance", "Load", "Mains", "NewSetpoint", "Phase", "PlcPower", "Scenario",
-    "SetpointRampEvent", "TemperatureStep", "can_hold", "conditions", "delay_heater", "event_name", "events_of",
-    "kinds_of", "paper_scenario", "phases_of", "scenario_for", "temperatures",
+    "LED", "REST_SHARE", "TO_SETPOINT", "Course", "Disturbance", "Load", "Mains", "NewSetpoint", "Phase", "PlcPower",
+    "Scenario", "SetpointRampEvent", "TemperatureStep", "can_hold", "conditions", "delay_heater", "event_name",
+    "events_of", "heat_up", "heated_s", "kinds_of", "lengthen", "paper_scenario", "phases_of", "scenario_for",
+    "temperatures", "way_back",
 ]
 
 
@@ -270,6 +271,8 @@ class Scenario:
 TO_SETPOINT: Final = ("heat-up", "reheat", "change", "small-change", "restart")
 #: kinds of the phases of a profile
 LED: Final = ("ramp", "soak")
+#: of the rest after an event of the test sequence, where only the overshoot counts: it has come to rest by then
+REST_SHARE: Final = 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -534,3 +537,68 @@ def _acting(number: int, event: Disturbance, power: float) -> list[_Acting]:
     if isinstance(event, NewSetpoint):
         return [begins]
     return [begins, _Acting(event.time_s, MAINS, power, 1.0, number)]  # also where a PLC gets its supply
+
+
+class Course:
+    """Events one after the other, from a heat-up at rest for so long [s].
+
+    Args:
+        sequence: the test sequence.
+        rest_s: rest after the heat-up [s].
+    """
+
+    def __init__(self, sequence: Scenario, rest_s: float) -> None:
+        self._sequence, self._time_s = sequence, heated_s(sequence, rest_s)
+        self._events, self._rests_s = list[Disturbance](), [rest_s]
+
+    def add(self, event: Disturbance, lasts_s: float, rest_s: float = 0.0) -> None:
+        """Let something happen, and nothing else for so long, the rest included [s]."""
+        self._events.append(replace(event, time_s=self._time_s))
+        self._rests_s.append(rest_s)
+        self._time_s += lasts_s
+
+    def single(
+        self, number: int | None, event: Disturbance | None = None, *, rest_share: float = REST_SHARE
+    ) -> None:
+        """Let what an event of the test sequence begins happen, with another event in its place if one is given."""
+        if number is not None:
+            self.add(event or self._sequence.disturbances[number], *way_back(self._sequence, number, rest_share))
+
+    def pairs(self, number: int | None, lengths_s: Iterable[float], rest_share: float = REST_SHARE) -> None:
+        """Let an event of the test sequence, and after each length the one that ends it, happen; None: nothing."""
+        if number is not None:
+            for length_s in lengths_s:
+                self.add(self._sequence.disturbances[number], length_s)
+                self.single(number + 1, rest_share=rest_share)
+
+    @property
+    def scenario(self) -> Scenario:
+        """All of it so far."""
+        return replace(self._sequence, disturbances=tuple(self._events), rests_s=tuple(self._rests_s),
+                       duration_s=self._time_s)
+
+
+def heat_up(scenario: Scenario) -> Scenario:
+    """Return only the heat-up of a test sequence."""
+    end_s = next((event.time_s for event in scenario.disturbances), scenario.duration_s)
+    return replace(scenario, disturbances=(), rests_s=scenario.rests_s[:1], duration_s=end_s)
+
+
+def lengthen(scenario: Scenario, times: float) -> Scenario:
+    """Return a scenario with its first event, an open circuit, lengthened by a factor."""
+    begins, *others = scenario.disturbances
+    more_s = (times - 1.0) * (others[0].time_s - begins.time_s)
+    later = (replace(event, time_s=event.time_s + more_s) for event in others)
+    return replace(scenario, disturbances=(begins, *later), duration_s=scenario.duration_s + more_s)
+
+
+def heated_s(scenario: Scenario, rest_s: float) -> float:
+    """Return when the heat-up of a test sequence has been at rest for so long [s]."""
+    end_s = next((event.time_s for event in scenario.disturbances), scenario.duration_s)
+    return end_s - scenario.rests_s[0] + rest_s
+
+
+def way_back(scenario: Scenario, number: int, rest_share: float) -> tuple[float, float]:
+    """Return how long the part of an event lasts, and its rest, if that is as long as this share of its own [s]."""
+    ends, own_s = [*(event.time_s for event in scenario.disturbances), scenario.duration_s], scenario.rests_s
+    return ends[number + 1] - ends[number] - (1.0 - rest_share) * own_s[number + 1], rest_share * own_s[number + 1]
