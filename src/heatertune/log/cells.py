@@ -252,8 +252,9 @@ _FEW_LINES: Final = 20
 _MANY_LINES: Final = 1000
 _COLOUR: Final = re.compile(r"\x1b\[[\d;]*[A-Za-z]")  # what a terminal's log holds of its colours and lines
 _SEPARATOR_LINE: Final = re.compile(r'[" ]*sep=[;,\t|][" ]*', re.IGNORECASE)  # written by spreadsheets
-_FRAME_LINE: Final = re.compile(r"[-+=| :]*(?:---|===)[-+=| :]*")  # of a table that a database's terminal prints
-_MARKS: Final = ("\t", ";", "|", ",")
+_FRAME: Final = r"[-+=| :\u2500-\u257f]*"
+_FRAME_LINE: Final = re.compile(rf"{_FRAME}(?:---|===|───|═══){_FRAME}")  # of a table that a database's terminal prints
+_MARKS: Final = ("\t", ";", "|", "│", ",")
 _ALIKE: Final = 0.05
 _MOST_WORDS: Final = 0.6
 
@@ -295,7 +296,7 @@ def read_sheet(
     if kind is not None:
         return _sheet_of(path, kind.read(path, numbered, tag), repairs, damaged, skip_empty=skip_empty)
     kept = numbered
-    if "#" in text or "=" in text or "---" in text:
+    if any(mark in text for mark in ("#", "=", "---", "───")):
         kept = numbered.where(lambda line: not line.lstrip().startswith("#") and not _SEPARATOR_LINE.fullmatch(line)
                               and not _FRAME_LINE.fullmatch(line))
     if not kept:
@@ -347,8 +348,8 @@ def _sheet_of(
         rows, lines = [row for row, line in zip(rows, lines, strict=True) if line > skip_rows], lines[lines > skip_rows]
     if not len(lines):
         raise LogError("the file is empty", file=path, expected="rows of time and temperature")
-    width = len(header) or _usual_width([*rows][-_HEADER_SAMPLE:])
-    grid = Grid(drain(rows) if isinstance(rows, list) else rows, width)
+    grid = rows if isinstance(rows, Grid) else Grid(drain(rows) if isinstance(rows, list) else rows, len(
+        header) or _usual_width([*rows][-_HEADER_SAMPLE:]))
     if header:
         kept = _without_partial_rows(path, lines, grid, np.ones(len(grid), dtype=np.bool_), repairs,
                                      skip_empty=skip_empty)
