@@ -30,13 +30,11 @@ from heatertune.log.cleaning import (
 from heatertune.log.columns import (
     CLOCK_UNITS,
     NO_COLUMN,
-    TIME_UNITS,
     Columns,
     cell_error,
     demand_one_form,
     find_columns,
     forwards,
-    likely_time_unit,
     numbers,
     seconds,
     with_clock_parts,
@@ -63,6 +61,7 @@ from heatertune.log.quantities import ROLES, is_scaled, on_or_off, says_nothing
 from heatertune.log.sheet import Sheet
 from heatertune.log.side_columns import SIDE_ROLES, is_cooling, moving_heaters, quoted
 from heatertune.log.tags import TagSelection, TagTable, by_tags, common_instants, with_power_rows
+from heatertune.log.timestamps import TIME_UNITS, likely_time_unit
 from heatertune.options import merge_options, with_options
 from heatertune.settings import ReadSettings
 from heatertune.units import count, degF_to_degC, kelvin_to_degC
@@ -250,7 +249,8 @@ def read_log(
     disturbance, held = _disturbance(sheet, columns, repairs)
     temperature = _in_degC(sheet, columns, "temperature", unit.unit, raw, kept)
     power = power_of(sheet, columns, asked.power_full_scale, repairs, doubts, levels=asked.power_levels,
-                     temperature_degC=np.where(kept, temperature, np.nan))
+                     temperature_degC=np.where(kept, temperature, np.nan),
+                     others=_assumed({"time": clock, "temperature": unit}).values())
     every: dict[str, LogSignal | None] = {
         "time": clock._replace(values=time), "temperature": unit._replace(values=temperature),
         "power": _with_cooling(sheet, columns, power, repairs), "setpoint": setpoint, "disturbance": disturbance,
