@@ -119,7 +119,7 @@ CASES = (
     Case("cleaning._other_column", table("time [s],Temperature [°C],Value [°C],Heater [%]", S, SETPOINT, [f"{float(t) - 0.3 * (k % 2):.1f}" for k, t in enumerate(T)], P), ('--temperature-column "Value [°C]"',)),
     Case("cleaning.tell_gaps", FORTH, ("--log-interval 2",), notes=True),
     Case("columns.find_columns", table("time [s],foo,Heater [%]", S, T, P), ("--temperature-column foo", "--temperature-column 2")),
-    Case("columns._likeliest", table("time [s],foo,bar", S, T, P), ("--temperature-column 2 --power-column 3",)),
+    Case("columns.find_columns", table("time [s],foo,bar", S, T, P), ("--temperature-column 2 --power-column 3", "--temperature-column foo --power-column none")),
     Case("columns._growing_clock", table("", range(ROWS), [f"{20 + 0.01 * k ** 2:.2f}" for k in range(ROWS)], WANDERS),
          ("--time-column 1", "--time-column 2")),
     Case("columns.with_dates", table("time [s],Temp [°C],Heater [%],Day,Clock", S, T, P, ["2026-03-14"] * ROWS, [clock(s, "%H:%M:%S") for s in S]),
@@ -196,7 +196,7 @@ if importlib.util.find_spec("python_calamine") is not None:
 
 
 #: functions that return a part of a message
-PARTS = ("cleaning._put_back_repeats", "cleaning._other_column", "columns._likeliest", "power_range._offset", "side_columns.scale_question")
+PARTS = ("cleaning._put_back_repeats", "cleaning._other_column", "power_range._offset", "side_columns.scale_question")
 
 
 def named_options():

@@ -78,7 +78,7 @@ def take_header(lines: Lines, rows: Grid, repairs: list[str]) -> tuple[tuple[str
     words = [k for k in range(first) if len(rows[k]) == width and _is_words(rows[k])]
     chosen = _names_row(rows, words)
     if chosen is not None:
-        begin = next((k for k in range(chosen + 1, first) if k not in words), first)
+        begin = next((k for k in range(chosen + 1, first) if k not in words and _is_mostly_values(rows[k])), first)
     else:
         begin = next((k for k in range(first) if not _is_title(rows[k], width)), first)
     names = () if chosen is None else _named(lines, rows, chosen, [k for k in words if k > chosen], repairs)
@@ -128,6 +128,11 @@ def _is_value(cell: str) -> bool:
 
 def _is_words(row: Sequence[str]) -> bool:
     return not any(map(_is_value, row))
+
+
+def _is_mostly_values(row: Sequence[str]) -> bool:
+    """Return whether a row is one of readings, not of settings: SampleTime[ms], 2000."""
+    return len(row) == 1 or 2 * sum(_is_value(cell) or says_nothing(cell) for cell in row) > len(row)
 
 
 def _names_row(rows: Grid, words: Sequence[int]) -> int | None:
@@ -424,6 +429,7 @@ def _content(path: Path, content: bytes | None) -> bytes:
 
 def _text(path: Path, data: bytes, repairs: list[str]) -> str:
     text = _decoded(path, data, repairs).removesuffix("\x1a")  # the end of a file of DOS
+    text = text.replace("\x1f", "\t").replace("\x1e", "\n")  # ASCII's own separators
     written = len(text) - text.count("\0")
     strange = len(_CONTROL.findall(text)) - (len(text) - written) if _is_damaged(text) else 0
     if strange > _MOST_STRANGE * written or (text and not written):

@@ -17,7 +17,7 @@ from heatertune.arrays import Array
 from heatertune.errors import LogError
 from heatertune.log.columns import Columns, cell_error
 from heatertune.log.log_values import MIN_SAMPLES
-from heatertune.log.quantities import is_number, is_switch_word
+from heatertune.log.quantities import is_number, is_switch_word, says_nothing
 from heatertune.log.sheet import Sheet
 from heatertune.log.side_columns import is_measured, quoted
 from heatertune.units import count
@@ -199,7 +199,9 @@ def without_strays(sheet: Sheet, columns: Columns, repairs: list[str]) -> Sheet:
     """Return the sheet without the few rows whose time is a word or empty: means and extremes, a message."""
     if "time" not in columns.index:
         return sheet
-    begins = sheet.columns[columns.index["time"]].where(lambda cell: cell[:1] in _TIME_BEGINS)
+    cells = sheet.columns[columns.index["time"]]
+    are_digits = cells[len(cells) // 2].isdigit()  # else a whole number is none: 650 rows selected.
+    begins = cells.where(lambda cell: cell[:1] in _TIME_BEGINS and (are_digits or not cell.isdigit()))
     strays = np.flatnonzero(~begins)
     if not len(strays) or not begins.any():
         return sheet
@@ -231,7 +233,7 @@ def without_unreadable_power(
     place = columns.index["power"]
     strange = ~sheet.columns[place].where(is_switch_word)
     if strange.all():
-        strange = ~sheet.columns[place].where(lambda cell: is_number(cell) and cell.lower() != "nan")
+        strange = ~sheet.columns[place].where(lambda cell: is_number(cell) and not says_nothing(cell))
     if not np.any(strange) or np.count_nonzero(strange) > _MOST_LOST * len(strange):
         return sheet, time, edges
     rows = np.flatnonzero(strange)

@@ -140,7 +140,8 @@ def find_columns(
     if "temperature" not in index:
         listed = ", ".join(sheet.header) or f"{len(sheet.columns)} columns without names"
         raise LogError(f"no column is a temperature ({listed})", file=sheet.file,
-                       expected="--temperature-column NAME or N" + _likeliest(sheet, {*index, *absent}, index.values()))
+                       expected="--temperature-column NAME or N" + (
+                           "" if "power" in {*index, *absent} else " and --power-column NAME or N, or none"))
     if not {"power"} & {*index, *absent}:
         demand_no_likely_power(sheet, index)
     names = {role: sheet.names()[i] for role, i in index.items()}
@@ -148,15 +149,6 @@ def find_columns(
     for role in [role for role in units if role not in stated]:
         demand_one_unit(sheet.file, role, names[role] if sheet.header else "", units[role])
     return Columns(index=index, names=names, notes=tuple(notes), units=units)
-
-
-def _likeliest(sheet: Sheet, roles: Collection[str], taken: Collection[int]) -> str:
-    """Return for a message the options that state temperature and power, if two columns may be these, or ""."""
-    free = sorted((i for i in range(len(sheet.columns)) if i not in taken and sheet.columns[i].floats() is not None),
-                  key=lambda i: -sheet.columns[i].levels())
-    if len(free) < 2 or "power" in roles:
-        return ""
-    return f", and of the power, such as --temperature-column {free[0] + 1} --power-column {free[1] + 1}"
 
 
 def choose_column(sheet: Sheet, role: str, column: str | int) -> int:

@@ -20,7 +20,7 @@ from heatertune.log.sheet import Sheet
 from heatertune.settings import ReadSettings
 from heatertune.units import count
 
-__all__ = ["power_of", "with_one_unit", "with_switch"]
+__all__ = ["power_moves", "power_of", "with_one_unit", "with_switch"]
 
 
 #: readings without power and at full power of signals with a live zero, and the unit of each
@@ -343,3 +343,18 @@ def with_switch(sheet: Sheet, settings: ReadSettings) -> tuple[Sheet, ReadSettin
     note = f"The power is on where its cell is {word!r}, as stated, and off elsewhere."
     return replace(sheet.with_column(places[0], cells), repairs=(*sheet.repairs, note)), replace(
         settings, power_column=str(places[0] + 1))
+
+
+_MOVES: Final = 0.1  # of the power's range
+
+
+def power_moves(sheet: Sheet, columns: Columns) -> npt.NDArray[np.bool_] | None:
+    """Return in which rows the power moves by more than a tenth of its range, shape (n,); None if it is not logged."""
+    if "power" not in columns.index:
+        return None
+    cells = sheet.columns[columns.index["power"]]
+    switched = on_or_off(cells)
+    values = cells.floats() if switched is None else switched
+    if values is None:
+        return None
+    return np.abs(np.diff(values, prepend=values[:1])) > _MOVES * float(np.ptp(values))

@@ -55,8 +55,16 @@ from heatertune.log.log_values import (
     ReadSummary,
     built_in,
 )
-from heatertune.log.partial_rows import Mask, held_readings, on_change, rows_of_one_heater, spread, without_blank_power
-from heatertune.log.power_range import power_of, with_one_unit, with_switch
+from heatertune.log.partial_rows import (
+    Mask,
+    held_readings,
+    on_change,
+    rows_of_one_heater,
+    spread,
+    stale_readings,
+    without_blank_power,
+)
+from heatertune.log.power_range import power_moves, power_of, with_one_unit, with_switch
 from heatertune.log.quantities import ROLES, is_scaled, on_or_off, says_nothing
 from heatertune.log.sheet import Sheet
 from heatertune.log.side_columns import SIDE_ROLES, is_cooling, moving_heaters, quoted
@@ -242,7 +250,7 @@ def read_log(
     raw, edges, held_rows = _readings(sheet, columns, edges, repairs, skip_empty=asked.skip_empty)
     kept, repeats = rows_to_keep(sheet, columns, time, repairs)
     kept &= ~(held_rows | no_readings(sheet, columns, raw, time, repairs, edges=edges, skip_empty=asked.skip_empty,
-                                      moves=_power_moves(sheet, columns)))
+                                      moves=power_moves(sheet, columns)))
     raw *= asked.temperature_scale or 1.0
     unit = _temperature_unit(sheet, columns, asked, raw[kept & ~edges], repairs, doubts)
     setpoint, filled = _setpoint(sheet, columns, unit.unit, asked.temperature_scale or 1.0, repairs)
@@ -345,23 +353,13 @@ def _readings(
     if held.any():
         repairs.append(f"The sensor is read in every {len(held) / np.count_nonzero(~held):.0f}th row; the rows between "
                        "hold its reading.")
+    stale = stale_readings(raw) & ~held
+    if stale.any():
+        repairs.append(f"{count(int(stale.sum()), 'reading')} left out that repeat the one before while others near "
+                       f"them move: a sensor or bus that hangs (first: line {sheet.line_name(int(stale.argmax()))}).")
+        held |= stale
     powered = held & ("power" in columns.index and sheet.columns[columns.index["power"]].differs())
     return raw, (edges & between) | powered, held & ~powered
-
-
-def _power_moves(sheet: Sheet, columns: Columns) -> Mask | None:
-    """Return in which rows the power moves by more than a tenth of its range, shape (n,); None if it is not logged."""
-    if "power" not in columns.index:
-        return None
-    cells = sheet.columns[columns.index["power"]]
-    switched = on_or_off(cells)
-    values = cells.floats() if switched is None else switched
-    if values is None:
-        return None
-    return np.abs(np.diff(values, prepend=values[:1])) > _MOVES * float(np.ptp(values))
-
-
-_MOVES: Final = 0.1
 
 
 def _on_own_clocks(

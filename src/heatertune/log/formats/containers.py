@@ -17,6 +17,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any, Final
+from xml.etree import ElementTree
 
 from heatertune.errors import LogError
 from heatertune.log.formats.format_table import BinaryFormat, FormatTable, Line, TextFormat, line_stamp
@@ -306,7 +307,38 @@ def _records(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
 _LONGEST: Final = 200
 
 
+def _xml(path: Path, numbered: Sequence[Line], _: str | None) -> FormatTable:
+    """Return a row for each of the most usual elements with several values: its attributes, else its children."""
+    try:
+        root = ElementTree.fromstring("\n".join(line for _, line in numbered))
+    except ElementTree.ParseError as problem:
+        raise LogError("XML that cannot be read", file=path, expected="a whole file, or its table as CSV") from problem
+    usual = Counter(element.tag for element in root.iter() if max(len(element), len(element.attrib)) >= _FEWEST)
+    tag = max(usual, key=usual.__getitem__, default="")
+    rows = [[(name, value.strip()) for name, value in element.attrib.items()] if len(element) < _FEWEST else [
+        (child.get("name") or child.tag, "".join(child.itertext()).strip()) for child in element]
+        for element in root.iter(tag)]
+    names = [name for name, _ in rows[-1]] if rows else []
+    header = names if len(set(names)) == len(names) else []  # else a row of the table holds them, or none
+    kept = [(k, [cell for _, cell in row]) for k, row in enumerate(rows, start=1) if row]
+    return FormatTable.from_rows(header, kept, f"XML: {count(len(kept), 'element')} {tag!r} read.")
+
+
+#: 1773482280: 2.0300000000e+01 0.0000000000e+00
+_FETCHED: Final = re.compile(r"(\d{9,10}): (.+)")
+
+
+def _fetch(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
+    """Return what rrdtool fetch prints, whose first line names the sources."""
+    kept = [(number, [found[1], *found[2].split()]) for number, line in numbered if (found := _FETCHED.match(line))]
+    return FormatTable.from_rows(("time", *numbered[0][1].split()), kept,
+                                 f"Fetch of RRDtool: {count(len(kept), 'row')} read.")
+
+
 WEB_TABLES: Final = (
+    TextFormat("XML", lambda lines: any(line.lstrip("\ufeff ").startswith("<?xml") for _, line in lines[:1]), _xml),
+    TextFormat("fetch of RRDtool", lambda lines: len(lines) > _FEWEST and all(
+        _FETCHED.match(line) for _, line in lines[1:_FEWEST + 1]), _fetch),
     TextFormat("table of a web page", lambda lines: any("<tr" in line.lower() for _, line in lines[:_SAMPLE]), _html),
     TextFormat("lines of names and values", _has_names, _named),
     TextFormat("serial monitor", _is_monitor, _monitor),
