@@ -353,8 +353,7 @@ def _sheet_of(
         rows, lines = [row for row, line in zip(rows, lines, strict=True) if line > skip_rows], lines[lines > skip_rows]
     if not len(lines):
         raise LogError("the file is empty", file=path, expected="rows of time and temperature")
-    grid = rows if isinstance(rows, Grid) else Grid(drain(rows) if isinstance(rows, list) else rows, len(
-        header) or _usual_width([*rows][-_HEADER_SAMPLE:]))
+    grid = _grid_of(rows, len(header))
     if header:
         kept = _without_partial_rows(path, lines, grid, np.ones(len(grid), dtype=np.bool_), repairs,
                                      skip_empty=skip_empty)
@@ -364,6 +363,13 @@ def _sheet_of(
         _without_empty_ends(grid, repairs)
         sheet = _sheet_of_grid(path, grid, lines, repairs, lost, skip_empty=skip_empty)
     return replace(sheet, part=table.part, sessions=table.sessions, session=table.session)
+
+
+def _grid_of(rows: Iterable[list[str]], width: int) -> Grid:
+    """Return the cells of a table by columns; a width of 0 is found."""
+    if isinstance(rows, Grid):
+        return rows
+    return Grid(drain(rows) if isinstance(rows, list) else rows, width or _usual_width([*rows][-_HEADER_SAMPLE:]))
 
 
 def _usual_width(rows: Iterable[Sequence[str]]) -> int:

@@ -304,13 +304,13 @@ def _growing_clock(sheet: Sheet, growing: Sequence[int], free: Sequence[int]) ->
     Raises:
         LogError: a temperature that only rises and a time may be either of two columns.
     """
-    first, second = growing[0], growing[-1] if len(growing) == 1 else growing[1]
-    if first == second or not is_number(sheet.columns[first][0]):
-        return first
+    if len(growing) == 1 or not is_number(sheet.columns[growing[0]][0]):
+        return growing[0]
+    first, second = growing[:2]
+    others = [i for i in free if i not in (first, second) and sheet.columns[i].levels() > _SWITCHED]
+    is_numbered = others and sheet.columns[first][0] in ("0", "1") and _steps(sheet, first, 0.0)
     is_even = _steps(sheet, second, 0.5)
-    is_numbered = sheet.columns[first][0] in ("0", "1") and _steps(sheet, first, 0.0) and any(
-        sheet.columns[i].levels() > _SWITCHED for i in free if i not in (first, second))
-    if (is_numbered and not is_even) or (is_even and not _steps(sheet, first, 0.5)):
+    if is_even != bool(is_numbered) and (is_numbered or not _steps(sheet, first, 0.5)):
         raise LogError(f"columns {first + 1} and {second + 1} only grow, as a time does and a heater that heats up",
                        file=sheet.file, expected=f"--time-column {first + 1} or --time-column {second + 1}")
     return second if is_numbered else first

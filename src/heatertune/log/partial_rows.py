@@ -282,12 +282,15 @@ def stale_readings(readings: Array) -> Mask:
     for begin, end in zip(bounds[::2].tolist(), bounds[1::2].tolist(), strict=True):
         sides = steps[max(begin - _NEAR_STALE, 0):begin], steps[end + 1:end + 1 + _NEAR_STALE]
         if min(map(len, sides)) == _NEAR_STALE and all(np.mean(side != 0.0) >= _MOVES for side in sides):
-            flickers = min(np.count_nonzero(sign * side > 0.0) for side in sides for sign in (1.0, -1.0)) > 1
             near = np.concatenate(sides)
             share = (np.count_nonzero(near == 0.0) + 1.0) / (len(near) + 2.0)
             stale[begin + 1:end + 1] = len(readings) * share ** (end - begin) < _BY_CHANCE and (
-                flickers or abs(steps[end]) > 2.0 * np.abs(near).max())
+                all(map(_flickers_often, sides)) or abs(steps[end]) > 2.0 * np.abs(near).max())
     return stale
+
+
+def _flickers_often(steps: Array) -> bool:
+    return bool(min(np.count_nonzero(steps > 0.0), np.count_nonzero(steps < 0.0)) > 1)
 
 
 def _is_of_changes(written: CellColumn, first: int) -> bool:
