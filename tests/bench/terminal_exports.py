@@ -246,7 +246,7 @@ def _(run):
 @hostile("ioBroker history as JSON")
 def _(run):
     rows = ",".join(f'{{"val":{d:.2f},"ts":{(EPOCH + int(s)) * 1000},"ack":true}}' for s, d, _, _ in run.rows)
-    return f"[{rows}]", {}, "no power"
+    return f"[{rows}]", {"--temperature-column": "val", "--power-column": "none", "--temperature-unit": "degC"}, "no-power"
 
 
 @hostile("RRDtool fetch")
@@ -304,7 +304,7 @@ def _(run):
 
 @hostile("German with a clock in hours and hundredths")
 def _(run):
-    return text([["Zeit [h]", "Temperatur [°C]", "Heizleistung [%]"], *([comma(s / 3600, 5), comma(d, 2), comma(p)] for s, d, p, _ in run.rows)], ";"), {}
+    return text([["Zeit [h]", "Temperatur [°C]", "Heizleistung [%]"], *([comma(s / 3600, 7), comma(d, 2), comma(p)] for s, d, p, _ in run.rows)], ";"), {}
 
 
 @hostile("a recorder that prints every change of the power twice")

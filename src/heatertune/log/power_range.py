@@ -25,7 +25,7 @@ __all__ = ["power_moves", "power_of", "with_one_unit", "with_switch"]
 
 #: readings without power and at full power of signals with a live zero, and the unit of each
 _LIVE_ZEROS: Final = ((4.0, 20.0, "ma"), (1.0, 5.0, "v"), (2.0, 10.0, "v"))
-_UNIT: Final = re.compile(r"[\[(/ _0-9](m?[av])[\])]?$|\b(volt|spannung|strom|current|amp)", re.IGNORECASE)
+_UNIT: Final = re.compile(r"[\[(/ _0-9](m?[av])(?:dc|ac)?[\])]?$|\b(volt|spannung|strom|current|amp)", re.IGNORECASE)
 _VOLTS: Final = ("v", "mv", "volt", "nung")
 _TOLERANCE: Final = 0.015  # of the span: an output card's error, which is set to the end of its range
 _REACHED: Final = 0.01  # of the span

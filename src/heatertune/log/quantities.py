@@ -117,7 +117,7 @@ _IN_CELSIUS: Final = re.compile(r"[\[(] ?C ?[\])]$")
 _FOREIGN: Final[dict[str, re.Pattern[str]]] = {
     "temperature": re.compile(r"%|pct|percent|counts?\b|\badc\b|[\[(/ ]m?[va][\])]?$|ohm|ω|\bbar\b"),
     "time": re.compile(r"[\[(/ ]ticks?[\])]?$"),
-    "power": re.compile(r"[\[(/ 0-9][mk]?[wva][\])]?$|volt|watt|spannung|strom|\bcurrent|\bamp(s|ere)?\b"
+    "power": re.compile(r"[\[(/ 0-9][mk]?[wva](?:dc|ac)?[\])]?$|volt|watt|spannung|strom|\bcurrent|\bamp(s|ere)?\b"
                         r"|^control( signal| value)?$|counts?\b|\braw\b|\b[da][da]c\b|°|deg ?[cf]\b"),
 }
 
