@@ -1,8 +1,9 @@
 """Hostile exports of one known heater, which no tool writes on purpose: is any read into another heater?
 
-    python -m tests.bench.hostile_exports [--only NAME] [--verbose] [--draw N] [--devices | --field | --tools] [--sheet]
+    python -m tests.bench.hostile_exports [--only NAME] [--verbose] [--draw N] [--devices | --field | --terminals | --tools] [--sheet]
 
---devices: those of `hostile_devices` alone; --field: those of `field_exports`; --tools: those of `tool_exports`, which
+--devices: those of `hostile_devices` alone; --field: those of `field_exports`; --terminals: those of
+`terminal_exports`; --tools: those of `tool_exports`, which
 `messy` judges. --sheet: through the studio's sheet for a dropped file in place of the command line.
 
 Each goes through `messy.judge`: a message is followed by what the user of this heater knows. A wrong heater, an
@@ -492,13 +493,15 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--verbose", action="store_true")
     parser.add_argument("--devices", action="store_true")
     parser.add_argument("--field", action="store_true")
+    parser.add_argument("--terminals", action="store_true")
     parser.add_argument("--tools", action="store_true")
     parser.add_argument("--sheet", action="store_true")
     asked = parser.parse_args(arguments)
     redraw(asked.draw)
     counts: Counter[str] = Counter()
     with tempfile.TemporaryDirectory() as folder:
-        module = "hostile_devices" if asked.devices else "field_exports" if asked.field else "hostile_exports"
+        module = "hostile_devices" if asked.devices else "field_exports" if asked.field else (
+            "terminal_exports" if asked.terminals else "hostile_exports")
         writers = importlib.import_module(f"tests.bench.{module}").WRITERS
         for export in tool_exports.exports(asked.only, None) if asked.tools else exports(asked.only, writers):
             outcome, said = outcome_on_sheet(export) if asked.sheet else outcome_of(export, Path(folder))

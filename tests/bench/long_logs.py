@@ -25,6 +25,7 @@ from pathlib import Path
 import numpy as np
 
 from heatertune.log import read_log
+from tests.bench import tool_exports
 
 ROWS = 100_000
 BEGIN = dt.datetime(2026, 3, 9, 20, 0, 0, tzinfo=dt.UTC)
@@ -62,6 +63,29 @@ def _parquet(count: int) -> bytes:
     return out.getvalue()
 
 
+def _wide_parquet(count: int) -> bytes:
+    import pyarrow as pa  # noqa: PLC0415 - an extra
+    from pyarrow import parquet  # noqa: PLC0415 - an extra
+
+    out, (second, degC, pct) = io.BytesIO(), zip(*rows(count), strict=True)
+    columns: dict[str, object] = {"time": [BEGIN + dt.timedelta(seconds=each) for each in second], "temperature_degC": degC, "power_pct": pct}
+    columns |= {f"x{i}": [(each * 7919 + i) % 9973 / 100 for each in second] for i in range(20)}
+    parquet.write_table(pa.table(columns), out)
+    return out.getvalue()
+
+
+def _workbook(count: int) -> bytes:
+    return tool_exports._xlsx([["Time", "Temperature [°C]", "Power [%]"], *(
+        [BEGIN.replace(tzinfo=None) + dt.timedelta(seconds=row[0]), round(row[1], 2), row[2]] for row in rows(count))])
+
+
+def _hosts(count: int) -> bytes:
+    """A host's log: a command, two heaters' report and a remark for each reading."""
+    return "".join(f"{(at := _stamp(row[0], '%Y-%m-%d %H:%M:%S'))},012 - Send: N{row[0]} M105*{row[0] % 256}\n"
+                   f"{at},034 - Recv: ok T:{row[1]:.2f} /200.00 B:{60 + row[0] % 7 / 10:.2f} /60.00 @:{round(1.27 * row[2])} B@:{row[0] % 64}\n"
+                   for row in rows(count)).encode()
+
+
 _COMMA = _table("time [s],temperature [°C],power [%]", lambda row: f"{row[0]},{row[1]:.2f},{row[2]}")
 #: format → name of the file, and what writes it with so many rows
 FORMATS: dict[str, tuple[str, Callable[[int], bytes]]] = {
@@ -84,8 +108,17 @@ FORMATS: dict[str, tuple[str, Callable[[int], bytes]]] = {
     "serial log": ("serial.log", lambda count: "".join(
         f"{_stamp(row[0], '%Y-%m-%d %H:%M:%S')},000 - Recv: ok T:{row[1]:.2f} /200.00 @:{round(1.27 * row[2])}\n"
         for row in rows(count)).encode()),
+    "serial log of a host, two heaters": ("serial.log", _hosts),
+    "line protocol with tags": ("log.txt", lambda count: "".join(
+        f"oven,host=pi,zone=1 temperature_degC={row[1]:.2f} {1_773_000_000 + row[0]}000000000\n"
+        f"oven,host=pi,zone=1 power_pct={row[2]}i {1_773_000_000 + row[0]}000000000\n" for row in rows(count)).encode()),
     "parquet": ("log.parquet", _parquet),
+    "parquet, dates, 20 more columns": ("log.parquet", _wide_parquet),
+    "workbook": ("log.xlsx", _workbook),
 }
+#: compressed format → the same table as text
+PLAIN = {"compressed": "comma", "parquet": "comma", "parquet, dates, 20 more columns": "comma, 20 more columns",
+         "workbook": "semicolon, decimal comma, dates"}
 
 
 def cost(name: str, content: bytes, short: bytes) -> tuple[float, float, int]:
@@ -126,7 +159,7 @@ def main(word: str) -> int:
         if word in title:
             content = write(ROWS)
             seconds, most, count = cost(name, content, write(2000))
-            size = len(_COMMA(ROWS)) if title in ("compressed", "parquet") else len(content)
+            size = len(FORMATS[PLAIN[title]][1](ROWS)) if title in PLAIN else len(content)
             beyond += seconds > MOST_S or most > MOST_TIMES * size
             print(f"| {title} | {len(content) / 1e6:.1f} | {count} | {seconds:.2f} | {most / size:.1f} |", flush=True)
     return beyond

@@ -66,17 +66,19 @@ def is_right(model: dict[str, Any], export: Export) -> bool | None:
 
 
 def asked_for(message: str, export: Export, stated: Sequence[str]) -> list[str]:
-    """Return what a reader of the message types next: the first option it names whose value is known, nothing if there is none."""
-    for flag, value in _FLAG.findall(message):
-        if flag in stated:
+    """Return what a reader of the message types next: the first option it names whose value is known, and those behind an "and"."""
+    words: list[str] = []
+    for found in _FLAG.finditer(message):
+        flag, value = found.groups()
+        if flag in stated or flag in words or (words and not message[:found.start()].endswith("and ")):
             continue
         if flag in export.user:
-            return [flag, *_words(flag, export.user[flag])]
-        if flag in _SWITCHES:
-            return [flag]
-        if value and not value.isupper() and "NAME" not in value:
-            return [flag, value.strip("\"'.")]
-    return []
+            words += [flag, *_words(flag, export.user[flag])]
+        elif flag in _SWITCHES:
+            words += [flag]
+        elif value and not value.isupper() and "NAME" not in value and value != "with":
+            words += [flag, value.strip("\"'.")]
+    return words
 
 
 def _words(flag: str, value: str) -> list[str]:

@@ -117,7 +117,7 @@ def drawn_loops(count: int, first: int) -> Iterator[tuple[str, Rows, Case | None
 
 
 def main(cases: Iterable[tuple[str, Rows, Case | None]], folder: Path) -> int:
-    """Print the verdict on each log in each of its forms; return how many are better than that on its plain rows."""
+    """Print the verdict on each log in each of its forms; return how many are better than that on its plain rows, or faults."""
     tally, better = Counter[str](), 0
     for name, rows, truth in cases:
         plain = None
@@ -125,7 +125,7 @@ def main(cases: Iterable[tuple[str, Rows, Case | None]], folder: Path) -> int:
             outcome = outcome_of(writer(rows), folder, truth, **thinning.FIT.get(name, {}))
             plain = plain or outcome
             is_better = outcome.verdict == PASS and plain.verdict != PASS and (truth is None or bool(outcome.missed))
-            better += is_better
+            better += is_better or outcome.verdict == "FAULT"
             tally[f"{writer.__name__}: {outcome.verdict}"] += 1
             print(f"{name} {writer.__name__} {outcome.verdict}{' BETTER THAN ITS PLAIN ROWS' if is_better else ''} {outcome.reason}", flush=True)
             if plain.verdict == PASS:

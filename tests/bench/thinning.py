@@ -172,8 +172,10 @@ def bounded(call: Callable[[], Any], seconds: int) -> Any:
         resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
         try:
             result = call()
-        except (HeatertuneError, TypeError) as problem:
+        except HeatertuneError as problem:
             result = f"refused: {problem}"
+        except Exception as problem:
+            result = f"FAULT: {problem!r}"
         with os.fdopen(writer, "wb") as pipe:
             pickle.dump(result, pipe)
         os._exit(0)
@@ -239,7 +241,7 @@ def main(cases: Iterable[tuple[str, Rows, on_change.Case | None]], folder: Path)
                   f"{model.model.dead_time_s:.4g} s (as it was {base.model.dead_time_s:.4g} s)", flush=True)
     for key, number in sorted(tally.items()):
         print(f"{key} {number}")
-    return sum(number for key, number in tally.items() if key.endswith("WRONG"))
+    return sum(number for key, number in tally.items() if key.endswith(("WRONG", "FAULT")))
 
 
 def missed(case: on_change.Case | None, rows: Rows, base: FittedModel, model: FittedModel) -> list[str]:

@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from tests.bench import field_exports, hostile_devices, hostile_exports, tool_exports
+from tests.bench import field_exports, hostile_devices, hostile_exports, terminal_exports, tool_exports
 from tests.bench.messy import asked_for
 
 from heatertune.errors import LogError
@@ -12,7 +12,8 @@ from heatertune.log import read_log
 
 #: whose rows are not those of one heater, or no longer those of the table; `hostile_exports` judges what becomes of them
 OTHERS = ("rows of two heaters in turns, not said", "°F until an update", "a reading that is late by a buffer of ten rows",
-          "the last value while the bus is down", "words of a relay in French", "0.0 and -0.1 while the converter starts", "sqlite3 -line",
+          "the last value while the bus is down", "words of a relay in French", "0.0 and -0.1 while the converter starts",
+          "a recorder that prints every change of the power twice", "a simulation without names, exact and rising", "a rising loop without names, numbered rows",
           "blanks for readings in every second row, two devices")
 TURNS = 4
 
@@ -49,8 +50,11 @@ def read(export):
     raise AssertionError(words)
 
 
-@pytest.mark.parametrize("export", [export for export in hostile_exports.exports(writers=hostile_devices.WRITERS + field_exports.WRITERS)
-                                    if export.tool not in OTHERS], ids=lambda export: export.tool)
+WRITERS = hostile_devices.WRITERS + field_exports.WRITERS + terminal_exports.WRITERS
+
+
+@pytest.mark.parametrize("export", [export for export in hostile_exports.exports(writers=WRITERS) if export.tool not in OTHERS],
+                         ids=lambda export: export.tool)
 def test_the_rows_are_the_heaters(export):
     run, log = tool_exports.steps(tool_exports.OVEN), read(export)
     seconds, degC, power = (np.array(each, dtype=float) for each in (run.seconds, run.degC, run.power))
@@ -63,3 +67,14 @@ def test_the_rows_are_the_heaters(export):
     elif log.power_pct is not None:
         held = power[np.searchsorted(seconds, log.time_s + shift + 0.01, side="right") - 1]
         assert log.power_pct == pytest.approx(held, abs=0.06), log.repairs
+
+
+@pytest.mark.parametrize("export", [export for export in hostile_exports.exports(writers=terminal_exports.WRITERS)
+                                    if "without names" in export.tool and export.tool in OTHERS], ids=lambda export: export.tool)
+def test_a_temperature_that_only_rises_is_not_taken_for_the_time(export):
+    """The writers' heater: it begins at its room, and the clock counts whole seconds from 0."""
+    log = read(export)
+    assert log.temperature_degC[0] == pytest.approx(tool_exports.OVEN.room, abs=0.01)
+    assert np.array_equal(log.time_s, np.arange(len(log.time_s)))
+    assert np.all(np.diff(log.temperature_degC) >= 0.0)
+    assert np.max(log.power_pct) > 50.0

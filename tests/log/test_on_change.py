@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from heatertune.errors import LogError
 from heatertune.log import read_log
-from heatertune.log.partial_rows import held_readings, on_change, spread
+from heatertune.log.partial_rows import held_readings, on_change, spread, stale_readings
 
 
 def oven(n=600):
@@ -153,3 +153,35 @@ def test_the_counts_of_what_was_read_do_not_hold_the_rows_put_back():
     taken = rows_of(text).taken
     assert (taken.rows_read, taken.left_out) == (len(time), 0)
     assert taken.rows > len(time)
+
+
+def hung(readings, *runs):
+    """Return readings of a sensor that repeats its last one in some rows, and which these are."""
+    stale = np.zeros(len(readings), dtype=np.bool_)
+    for begin, end in runs:
+        readings[begin:end], stale[begin:end] = readings[begin - 1], True
+    return readings, stale
+
+
+def test_readings_of_a_sensor_that_hangs_are_none():
+    """Which rows repeat the last reading is known by construction."""
+    rng = np.random.default_rng(5)
+    noisy = np.round(50.0 + rng.normal(0.0, 0.15, 400), 1)
+    readings, stale = hung(noisy, (100, 115), (300, 320))
+    found = stale_readings(readings)
+    assert np.all(found[stale])
+    assert np.count_nonzero(found & ~stale) <= 2  # the next reading may be the same by chance
+    rising, stale = hung(np.round(20.0 + 0.05 * np.arange(300.0), 2), (120, 130))
+    assert np.array_equal(stale_readings(rising), stale)
+
+
+@pytest.mark.parametrize("readings", [
+    np.round(20.0 + 30.0 * (1.0 - np.exp(-np.arange(900.0) / 100.0)), 1),  # comes to rest
+    np.round(50.0 + 0.2 * np.sin(np.arange(900.0) / 40.0), 1),  # swings by few digits
+    np.round(np.concatenate([np.full(100, 20.0), np.linspace(20.0, 60.0, 200), np.full(100, 60.0), np.full(100, 45.0)]), 1),  # cold goods at rest
+    np.round(50.0 + np.random.default_rng(2).normal(0.0, 0.03, 2000), 1),  # noise within the last digit
+    np.round(50.0 + np.random.default_rng(3).normal(0.0, 0.1, 5000), 1),  # noise of one digit
+    np.repeat(np.arange(20.0, 60.0, 0.7), 9),  # a deadband
+])
+def test_readings_of_a_heater_that_stands_are_kept(readings):
+    assert not stale_readings(readings).any()

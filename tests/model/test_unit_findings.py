@@ -71,6 +71,28 @@ def test_a_fit_that_contradicts_a_name_asks_for_the_unit_until_it_is_stated(scal
     assert "unit-assumed" not in findings_of(fit(read(text, **stated)))
 
 
+@pytest.mark.parametrize(("scales", "stated", "part"), [
+    ({"power": 0.01}, {"power_full_scale": 100.0}, "full power would heat by 6"),  # 100 times the gain, 6000 °C
+    ({"temperature": 10.0}, {"temperature_unit": "degC"}, "an ambient of 220 °C is no room's: 22 °C if the readings are in tenths of a degree"),
+    ({"offset": 273.15}, {"temperature_unit": "degC"}, "an ambient of 295 °C is no room's"),
+])
+def test_a_stated_unit_that_no_heater_can_have_blocks_until_another_is_stated(scales, stated, part):
+    """The heater is known: 60 °C at full power, in a room of 22 °C."""
+    text = heater_rows("Time,Temperature,Heater", **scales)
+    found = findings_of(fit(read(text, **{"time_unit": "s", "power_full_scale": 100.0, **stated})))
+    assert part in found["unit-contradicted"]
+    assert all(f"--{name.replace('_', '-')} " in found["unit-contradicted"] for name in stated)
+    right = {"power": {"power_full_scale": 1.0}, "temperature": {"temperature_unit": "0.1degC"}, "offset": {"temperature_unit": "K"}}[next(iter(scales))]
+    assert "unit-contradicted" not in findings_of(fit(read(text, **{"time_unit": "s", "power_full_scale": 100.0, **right})))
+
+
+@pytest.mark.parametrize("stated", [{"temperature_unit": "degC"}, {"time_unit": "s"}, {"power_full_scale": 100.0}])
+def test_a_stated_unit_of_a_rare_heater_is_not_questioned(stated):
+    """A heater in a machine at 72 °C, or with a time constant of 83 h: rare, but possible."""
+    text = heater_rows("time_s,temp_C,power_pct", offset=50.0, time=5000.0 if "time_unit" in stated else 1.0)
+    assert "unit-contradicted" not in findings_of(fit(read(text, **stated)))
+
+
 def test_a_fit_kept_from_before_the_unit_was_stated_is_not_taken_again(monkeypatch, tmp_path):
     # the same numbers either way: what the message asks for must not end at the file of the cache
     monkeypatch.setenv("HEATERTUNE_CACHE", str(tmp_path))

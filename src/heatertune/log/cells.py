@@ -78,7 +78,7 @@ def take_header(lines: Lines, rows: Grid, repairs: list[str]) -> tuple[tuple[str
     words = [k for k in range(first) if len(rows[k]) == width and _is_words(rows[k])]
     chosen = _names_row(rows, words)
     if chosen is not None:
-        begin = next((k for k in range(chosen + 1, first) if k not in words), first)
+        begin = next((k for k in range(chosen + 1, first) if k not in words and _is_mostly_values(rows[k])), first)
     else:
         begin = next((k for k in range(first) if not _is_title(rows[k], width)), first)
     names = () if chosen is None else _named(lines, rows, chosen, [k for k in words if k > chosen], repairs)
@@ -128,6 +128,11 @@ def _is_value(cell: str) -> bool:
 
 def _is_words(row: Sequence[str]) -> bool:
     return not any(map(_is_value, row))
+
+
+def _is_mostly_values(row: Sequence[str]) -> bool:
+    """Return whether a row is one of readings, not of settings: SampleTime[ms], 2000."""
+    return len(row) == 1 or 2 * sum(_is_value(cell) or says_nothing(cell) for cell in row) > len(row)
 
 
 def _names_row(rows: Grid, words: Sequence[int]) -> int | None:
@@ -252,8 +257,9 @@ _FEW_LINES: Final = 20
 _MANY_LINES: Final = 1000
 _COLOUR: Final = re.compile(r"\x1b\[[\d;]*[A-Za-z]")  # what a terminal's log holds of its colours and lines
 _SEPARATOR_LINE: Final = re.compile(r'[" ]*sep=[;,\t|][" ]*', re.IGNORECASE)  # written by spreadsheets
-_FRAME_LINE: Final = re.compile(r"[-+=| :]*(?:---|===)[-+=| :]*")  # of a table that a database's terminal prints
-_MARKS: Final = ("\t", ";", "|", ",")
+_FRAME: Final = r"[-+=| :\u2500-\u257f]*"
+_FRAME_LINE: Final = re.compile(rf"{_FRAME}(?:---|===|───|═══){_FRAME}")  # of a table that a database's terminal prints
+_MARKS: Final = ("\t", ";", "|", "│", ",")
 _ALIKE: Final = 0.05
 _MOST_WORDS: Final = 0.6
 
@@ -295,7 +301,7 @@ def read_sheet(
     if kind is not None:
         return _sheet_of(path, kind.read(path, numbered, tag), repairs, damaged, skip_empty=skip_empty)
     kept = numbered
-    if "#" in text or "=" in text or "---" in text:
+    if any(mark in text for mark in ("#", "=", "---", "───")):
         kept = numbered.where(lambda line: not line.lstrip().startswith("#") and not _SEPARATOR_LINE.fullmatch(line)
                               and not _FRAME_LINE.fullmatch(line))
     if not kept:
@@ -347,8 +353,7 @@ def _sheet_of(
         rows, lines = [row for row, line in zip(rows, lines, strict=True) if line > skip_rows], lines[lines > skip_rows]
     if not len(lines):
         raise LogError("the file is empty", file=path, expected="rows of time and temperature")
-    width = len(header) or _usual_width([*rows][-_HEADER_SAMPLE:])
-    grid = Grid(drain(rows) if isinstance(rows, list) else rows, width)
+    grid = _grid_of(rows, len(header))
     if header:
         kept = _without_partial_rows(path, lines, grid, np.ones(len(grid), dtype=np.bool_), repairs,
                                      skip_empty=skip_empty)
@@ -358,6 +363,13 @@ def _sheet_of(
         _without_empty_ends(grid, repairs)
         sheet = _sheet_of_grid(path, grid, lines, repairs, lost, skip_empty=skip_empty)
     return replace(sheet, part=table.part, sessions=table.sessions, session=table.session)
+
+
+def _grid_of(rows: Iterable[list[str]], width: int) -> Grid:
+    """Return the cells of a table by columns; a width of 0 is found."""
+    if isinstance(rows, Grid):
+        return rows
+    return Grid(drain(rows) if isinstance(rows, list) else rows, width or _usual_width([*rows][-_HEADER_SAMPLE:]))
 
 
 def _usual_width(rows: Iterable[Sequence[str]]) -> int:
@@ -423,6 +435,7 @@ def _content(path: Path, content: bytes | None) -> bytes:
 
 def _text(path: Path, data: bytes, repairs: list[str]) -> str:
     text = _decoded(path, data, repairs).removesuffix("\x1a")  # the end of a file of DOS
+    text = text.replace("\x1f", "\t").replace("\x1e", "\n")  # ASCII's own separators
     written = len(text) - text.count("\0")
     strange = len(_CONTROL.findall(text)) - (len(text) - written) if _is_damaged(text) else 0
     if strange > _MOST_STRANGE * written or (text and not written):

@@ -17,7 +17,7 @@ from heatertune.arrays import Array
 from heatertune.errors import LogError
 from heatertune.log.columns import Columns, cell_error
 from heatertune.log.log_values import MIN_SAMPLES
-from heatertune.log.quantities import is_number, is_switch_word
+from heatertune.log.quantities import is_number, is_switch_word, says_nothing
 from heatertune.log.sheet import Sheet
 from heatertune.log.side_columns import is_measured, quoted
 from heatertune.units import count
@@ -61,11 +61,15 @@ def rows_to_keep(sheet: Sheet, columns: Columns, time: Array, repairs: list[str]
     other = _otherwise(sheet, columns, dropped, firsts)
     if other:
         _demand_one_heater(sheet, columns, dropped, firsts, other)
-    lines = ", ".join(sheet.line_name(row) for row in dropped[:_SHOWN])
-    lines += f" and {len(dropped) - _SHOWN} more" if len(dropped) > _SHOWN else ""
-    note = f"{count(len(dropped), 'row')} at the time of the row before dropped (line {lines})"
+    note = f"{count(len(dropped), 'row')} at the time of the row before dropped ({_lines(sheet, dropped)})"
     repairs.append(f"{note}; {len(other)} of them with another reading." if other else f"{note}.")
     return kept, len(dropped) - len(other)
+
+
+def _lines(sheet: Sheet, rows: npt.NDArray[np.intp], role: str = "") -> str:
+    """Return for a message the lines of some rows, or of their power: line 3, 4 and 12 more."""
+    more = f" and {len(rows) - _SHOWN} more" if len(rows) > _SHOWN else ""
+    return f"line {', '.join(sheet.line_name(row, role) for row in rows[:_SHOWN].tolist())}{more}"
 
 
 def spread_instants(sheet: Sheet, columns: Columns, time: Array, repairs: list[str]) -> Array:
@@ -199,16 +203,16 @@ def without_strays(sheet: Sheet, columns: Columns, repairs: list[str]) -> Sheet:
     """Return the sheet without the few rows whose time is a word or empty: means and extremes, a message."""
     if "time" not in columns.index:
         return sheet
-    begins = sheet.columns[columns.index["time"]].where(lambda cell: cell[:1] in _TIME_BEGINS)
+    cells = sheet.columns[columns.index["time"]]
+    are_digits = cells[len(cells) // 2].isdigit()  # else a whole number is none: 650 rows selected.
+    begins = cells.where(lambda cell: cell[:1] in _TIME_BEGINS and (are_digits or not cell.isdigit()))
     strays = np.flatnonzero(~begins)
     if not len(strays) or not begins.any():
         return sheet
     within = np.count_nonzero(strays < np.flatnonzero(begins)[-1])
     if within > max(_FEW_STRAYS, _MOST_STRAYS * len(sheet)) or len(strays) - within > _MOST_BELOW:
         return sheet
-    lines = ", ".join(sheet.line_name(k) for k in strays[:_SHOWN])
-    more = f" and {len(strays) - _SHOWN} more" if len(strays) > _SHOWN else ""
-    repairs.append(f"{count(len(strays), 'row')} without a time left out (line {lines}{more}).")
+    repairs.append(f"{count(len(strays), 'row')} without a time left out ({_lines(sheet, strays)}).")
     return replace(sheet.at_rows(begins), lost=sheet.lost + len(strays))
 
 
@@ -231,13 +235,11 @@ def without_unreadable_power(
     place = columns.index["power"]
     strange = ~sheet.columns[place].where(is_switch_word)
     if strange.all():
-        strange = ~sheet.columns[place].where(lambda cell: is_number(cell) and cell.lower() != "nan")
+        strange = ~sheet.columns[place].where(lambda cell: is_number(cell) and not says_nothing(cell))
     if not np.any(strange) or np.count_nonzero(strange) > _MOST_LOST * len(strange):
         return sheet, time, edges
     rows = np.flatnonzero(strange)
-    lines = ", ".join(f"line {sheet.line_name(row, 'power')}" for row in rows[:_SHOWN])
-    more = f" and {len(rows) - _SHOWN} more" if len(rows) > _SHOWN else ""
-    repairs.append(f"{count(len(rows), 'row')} without a power left out ({lines}{more}).")
+    repairs.append(f"{count(len(rows), 'row')} without a power left out ({_lines(sheet, rows, 'power')}).")
     return replace(sheet.at_rows(~strange), lost=sheet.lost + len(rows)), time[~strange], edges[~strange]
 
 

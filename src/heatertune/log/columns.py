@@ -46,15 +46,18 @@ from heatertune.log.side_columns import (
     quoted,
 )
 from heatertune.log.timestamps import (
+    LONGEST_STEP_S,
     NO_ORDER,
     STAMPS,
+    TIME_UNITS,
     clocks_in_digits,
     day_first,
-    duration_s,
+    durations_s,
     is_clock,
     is_date,
     is_date_in_digits,
     is_hours_or_minutes,
+    likely_time_unit,
     month_first,
     order_of_dates,
     past_hour,
@@ -64,9 +67,8 @@ from heatertune.log.timestamps import (
 )
 
 __all__ = [
-    "CLOCK_UNITS", "NO_COLUMN", "TIME_UNITS", "Columns", "cell_error", "choose_column", "demand_one_form",
-    "find_columns", "forwards", "likely_time_unit", "numbers", "seconds", "with_clock_parts", "with_dates",
-    "with_names",
+    "CLOCK_UNITS", "NO_COLUMN", "Columns", "cell_error", "choose_column", "demand_one_form", "find_columns", "forwards",
+    "numbers", "seconds", "with_clock_parts", "with_dates", "with_names",
 ]
 
 
@@ -137,8 +139,9 @@ def find_columns(
         demand_own_temperature(sheet, index)
     if "temperature" not in index:
         listed = ", ".join(sheet.header) or f"{len(sheet.columns)} columns without names"
-        expected = "--temperature-column NAME or N"
-        raise LogError(f"no column is a temperature ({listed})", file=sheet.file, expected=expected)
+        raise LogError(f"no column is a temperature ({listed})", file=sheet.file,
+                       expected="--temperature-column NAME or N" + (
+                           "" if "power" in {*index, *absent} else " and --power-column NAME or N, or none"))
     if not {"power"} & {*index, *absent}:
         demand_no_likely_power(sheet, index)
     names = {role: sheet.names()[i] for role, i in index.items()}
@@ -271,17 +274,18 @@ def _by_numbers(sheet: Sheet, index: dict[str, int], absent: set[str], notes: li
     """Deduce roles: the always increasing column is the time; of two others, the constant one is the power."""
     free = [i for i in range(len(sheet.columns)) if i not in index.values()]
     if "time" not in index and "time" not in absent:
-        growing = [i for i in free if _grows(sheet, i)]
-        if growing:  # several: by custom the time is written first, but for the numbers of the rows
-            index["time"] = growing[1 if len(growing) > 1 and _counts_rows(sheet, growing[0]) else 0]
-            free.remove(index["time"])
+        growing = sorted((i for i in free if _grows(sheet, i)), key=lambda i: is_number(sheet.columns[i][0]))
+        if growing:
+            clock = index["time"] = _growing_clock(sheet, growing, free)
+            free = [i for i in free if i != clock and not (i in growing and _steps(sheet, i, 0.0) and (
+                i < clock or not is_number(sheet.columns[clock][0])))]
     for role, sign in (("temperature", _DEGREES), ("power", _PERCENT)):
         signed = [i for i in free if sheet.units and sign.fullmatch(sheet.units[i])]
         if role not in index and role not in absent and len(signed) == 1:
             index[role] = signed[0]
             free.remove(signed[0])
     levels = {i: sheet.columns[i].levels() for i in free}
-    if "temperature" not in index and len(free) == 1 and levels[free[0]] > 3:  # fewer: a power that is switched
+    if "temperature" not in index and len(free) == 1 and levels[free[0]] > _SWITCHED:
         index["temperature"] = free[0]
     elif "temperature" not in index and len(free) == 2 and not {"power"} & {*index, *absent}:
         held, moving = sorted(free, key=lambda i: levels[i])
@@ -291,10 +295,33 @@ def _by_numbers(sheet: Sheet, index: dict[str, int], absent: set[str], notes: li
     notes.append(f"The file has no header; by their numbers: {places}.")
 
 
-def _counts_rows(sheet: Sheet, i: int) -> bool:
-    """Return whether a column holds 0, 1, 2 … or 1, 2, 3 …, the numbers of the rows."""
-    first = sheet.columns[i][0]
-    return first in ("0", "1") and all(cell == str(k) for k, cell in enumerate(sheet.columns[i], start=int(first)))
+_SWITCHED: Final = 3  # levels of a power, at most
+
+
+def _growing_clock(sheet: Sheet, growing: Sequence[int], free: Sequence[int]) -> int:
+    """Return the time of growing columns: stamps, else by custom the first, but for the numbers of the rows.
+
+    Raises:
+        LogError: a temperature that only rises and a time may be either of two columns.
+    """
+    if len(growing) == 1 or not is_number(sheet.columns[growing[0]][0]):
+        return growing[0]
+    first, second = growing[:2]
+    others = [i for i in free if i not in (first, second) and sheet.columns[i].levels() > _SWITCHED]
+    is_numbered = others and sheet.columns[first][0] in ("0", "1") and _steps(sheet, first, 0.0)
+    is_even = _steps(sheet, second, 0.5)
+    if is_even != bool(is_numbered) and (is_numbered or not _steps(sheet, first, 0.5)):
+        raise LogError(f"columns {first + 1} and {second + 1} only grow, as a time does and a heater that heats up",
+                       file=sheet.file, expected=f"--time-column {first + 1} or --time-column {second + 1}")
+    return second if is_numbered else first
+
+
+def _steps(sheet: Sheet, i: int, uneven: float) -> bool:
+    """Return whether a column of numbers goes up by steps that are even but for a share of the usual, if 0: by 1."""
+    values = sheet.columns[i].floats()
+    steps = np.diff([0.0] if values is None else values)
+    usual = float(np.median(steps)) if uneven and len(steps) else 1.0
+    return bool(len(steps) and np.all(np.abs(steps - usual) <= uneven * usual))
 
 
 def _grows(sheet: Sheet, i: int) -> bool:
@@ -394,15 +421,11 @@ _MINUTES_NAMED: Final = re.compile(r"(?i)\bm{1,3}:ss?\b|\bmin:se?c")
 _HOURS_NAMED: Final = re.compile(r"(?i)\bhh?:mm\b|\bh:min")
 _MOST_HOURS: Final = 99  # of a firing that is timed in hours and minutes
 _LAST_HOUR: Final = 23
-#: unit → its length [s]
-TIME_UNITS: Final = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "d": 86400.0}
 _EXPECTED_UNIT: Final = f"--time-unit {', '.join([*TIME_UNITS][:-1])} or {[*TIME_UNITS][-1]}"
 _EPOCH: Final = 1e8  # beyond three years in seconds the numbers are a calendar's
 _THIS_CENTURY: Final = (946_684_800.0, 4_102_444_800.0)  # 2000 to 2100, in seconds since 1970
-_LONGEST_STEP_S: Final = 500.0  # of a calendar's seconds: a counter of milliseconds has longer ones after weeks
 #: 19, 18 (of Windows since 1601, or of .NET since the year 1), 16 and 13 digits
 _EPOCHS: Final = ((9.4e17, "ns", 1e-9), (1e17, "100 ns", 1e-7), (1e14, "us", 1e-6), (1e11, "ms", 1e-3))
-_UNEVEN: Final = 0.02
 _ANY_TIME: Final = f"{STAMPS}, or --log-interval with the seconds between two rows"
 _SHEET_DAYS: Final = (20_000.0, 80_000.0)  # days since 1900 as spreadsheets count them: 1954 to 2119
 
@@ -522,26 +545,13 @@ def seconds(
     if is_date_in_digits(cells[0]) and all(map(is_date_in_digits, cells.kinds())):
         repairs.append("The digits of the time are dates and were converted to seconds from the first row.")
         return LogSignal(_from_stamps(sheet, columns, cells, repairs), "stamps", "stamps")
-    if (length_s := _durations(cells)) is not None:
+    if (length_s := durations_s(cells)) is not None:
         repairs.append("The time is written as a duration and was converted to seconds.")
         return LogSignal(length_s, "stamps", "stamps")
     if not is_number(cells[0]) and (stamp(cells[0]) is not None or month_first(cells)):
         repairs.append("Time stamps were converted to seconds from the first row.")
         return LogSignal(_from_stamps(sheet, columns, cells, repairs), "stamps", "stamps")
     return _from_numbers(sheet, columns, unit, repairs)
-
-
-def _durations(cells: CellColumn) -> Array | None:
-    """Return durations [s], shape (n,): 0 days 00:00:02, 5m 3s, 25:10:00; None of other cells, and of times of day."""
-    if is_number(cells[0]) or duration_s(cells[0]) is None or duration_s(cells[-1]) is None:
-        return None
-    if is_clock(cells[0]) and all(cell.partition(":")[0].strip() in _HOURS for cell in cells):
-        return None
-    values = cells.numbers(lambda cell: np.nan if (length := duration_s(cell)) is None else length)
-    return None if np.isnan(values).any() else values
-
-
-_HOURS: Final = frozenset([*map(str, range(24)), *(f"0{hour}" for hour in range(10))])
 
 
 def _two_numbers(sheet: Sheet, columns: Columns, cells: CellColumn, unit: str | None) -> str:
@@ -605,24 +615,7 @@ def _from_numbers(sheet: Sheet, columns: Columns, unit: str | None, repairs: lis
 def _is_calendar(values: Array) -> bool:
     """Return whether numbers can only be seconds since 1970."""
     first, last = _THIS_CENTURY
-    return len(values) > 1 and first < values[0] < last and float(np.median(np.abs(np.diff(values)))) < _LONGEST_STEP_S
-
-
-def likely_time_unit(time: Array) -> str:
-    """Return the likeliest unit of a time without one, judged by its interval if it were in seconds, shape (n,) [s].
-
-    Loggers write every so many seconds or minutes: 1000 s are milliseconds, and a sixtieth of a second is a minute's.
-    """
-    usual = float(time[-1] - time[0]) / max(len(time) - 1, 1)
-    if usual > _LONGEST_STEP_S / 10.0 and abs(usual / 60.0 - round(usual / 60.0)) > _UNEVEN:
-        return "ms"
-    if usual >= 1.0 or _is_whole(usual * 1e3):
-        return "s"
-    return next((unit for unit in ("min", "h", "d") if _is_whole(usual * TIME_UNITS[unit])), "s")
-
-
-def _is_whole(value: float) -> bool:
-    return value > 0.5 and abs(value - round(value)) <= _UNEVEN
+    return len(values) > 1 and first < values[0] < last and float(np.median(np.abs(np.diff(values)))) < LONGEST_STEP_S
 
 
 def _are_days(values: Array, named: str | None) -> bool:

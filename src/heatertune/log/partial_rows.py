@@ -33,7 +33,7 @@ from heatertune.units import count
 __all__ = [
     "OnChange", "RestoredRows", "demand_one_heater_by_name", "demand_one_heater_by_turns", "good_rows",
     "heater_column", "held_readings", "is_quality", "on_change", "rows_of_one_heater", "rows_of_turn", "spread",
-    "turn_of", "with_heaters_in_tags", "without_blank_power",
+    "stale_readings", "turn_of", "with_heaters_in_tags", "without_blank_power",
 ]
 
 
@@ -260,6 +260,37 @@ def held_readings(readings: Array) -> Mask:
             held[begin:] = (np.arange(begin, len(readings)) - begin) % length != 0
             held[1:begin] = True
     return held
+
+
+_NEAR_STALE: Final = 12  # steps on each side, by which the noise is judged
+_MOVES: Final = 0.65  # share of these that are no repeats: noise beyond the last digit
+_BY_CHANCE: Final = 1e-3  # of a log
+
+
+def stale_readings(readings: Array) -> Mask:
+    """Return which readings repeat the one before though all others near them move, shape (n,).
+
+    A sensor, a bus or a device that hangs for a while repeats its last reading. Noise hardly ever does, and a heater
+    that moves does not stand and then make up for it in one step. A heater at rest whose last digit stands does not
+    flicker up and down before and after it.
+
+    Args:
+        readings: shape (n,), NaN where there is none.
+    """
+    steps, stale = np.diff(readings), np.zeros(len(readings), dtype=np.bool_)
+    bounds = np.flatnonzero(np.diff(np.concatenate([[False], steps == 0.0, [False]]).astype(np.int8)))
+    for begin, end in zip(bounds[::2].tolist(), bounds[1::2].tolist(), strict=True):
+        sides = steps[max(begin - _NEAR_STALE, 0):begin], steps[end + 1:end + 1 + _NEAR_STALE]
+        if min(map(len, sides)) == _NEAR_STALE and all(np.mean(side != 0.0) >= _MOVES for side in sides):
+            near = np.concatenate(sides)
+            share = (np.count_nonzero(near == 0.0) + 1.0) / (len(near) + 2.0)
+            stale[begin + 1:end + 1] = len(readings) * share ** (end - begin) < _BY_CHANCE and (
+                all(map(_flickers_often, sides)) or abs(steps[end]) > 2.0 * np.abs(near).max())
+    return stale
+
+
+def _flickers_often(steps: Array) -> bool:
+    return bool(min(np.count_nonzero(steps > 0.0), np.count_nonzero(steps < 0.0)) > 1)
 
 
 def _is_of_changes(written: CellColumn, first: int) -> bool:

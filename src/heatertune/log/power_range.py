@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import partial
 from typing import Final
@@ -19,12 +20,12 @@ from heatertune.log.sheet import Sheet
 from heatertune.settings import ReadSettings
 from heatertune.units import count
 
-__all__ = ["power_of", "with_one_unit", "with_switch"]
+__all__ = ["power_moves", "power_of", "with_one_unit", "with_switch"]
 
 
 #: readings without power and at full power of signals with a live zero, and the unit of each
 _LIVE_ZEROS: Final = ((4.0, 20.0, "ma"), (1.0, 5.0, "v"), (2.0, 10.0, "v"))
-_UNIT: Final = re.compile(r"[\[(/ _0-9](m?[av])[\])]?$|\b(volt|spannung|strom|current|amp)", re.IGNORECASE)
+_UNIT: Final = re.compile(r"[\[(/ _0-9](m?[av])(?:dc|ac)?[\])]?$|\b(volt|spannung|strom|current|amp)", re.IGNORECASE)
 _VOLTS: Final = ("v", "mv", "volt", "nung")
 _TOLERANCE: Final = 0.015  # of the span: an output card's error, which is set to the end of its range
 _REACHED: Final = 0.01  # of the span
@@ -121,7 +122,7 @@ def _refuse_readings(sheet: Sheet, value: float | None, levels: tuple[float, flo
 
 def power_of(
     sheet: Sheet, columns: Columns, value: float | None, repairs: list[str], doubts: list[str], *,
-    levels: tuple[float, float] | None = None, temperature_degC: Array,
+    levels: tuple[float, float] | None = None, temperature_degC: Array, others: Iterable[str] = (),
 ) -> LogSignal | None:
     """Return the power [%], below 0 that of a cooler; its unit is the reading at full power. None: it was not logged.
 
@@ -133,6 +134,7 @@ def power_of(
         doubts: list to which uncertain assumptions are added.
         levels: readings without power and at full power, if stated by the user.
         temperature_degC: of each row, NaN without a reading, shape (n,).
+        others: options that state the units of other columns which nothing shows.
 
     Raises:
         LogError: a cell that is not a power, an unknown full scale, a power out of range; readings of a power that was
@@ -160,7 +162,7 @@ def power_of(
         named = None  # a column of that name that was converted
     if named == "100" and "power" not in columns.units and 0.0 < highest <= 1.0:
         named = None  # a column named in percent that holds shares, as a spreadsheet exports it
-    full_scale = value or (float(named) if named else _assumed(sheet, columns, values, repairs, doubts))
+    full_scale = value or (float(named) if named else _assumed(sheet, columns, values, repairs, doubts, others))
     if full_scale != 100.0:
         repairs.append(f"The power was divided by its reading at full power, {full_scale:g}.")
     values = _two_way(sheet, columns, values, full_scale, repairs)
@@ -240,7 +242,9 @@ def _evidence(name: str, values: Array, full_scale: float) -> str:
     return "both reached" if reached and not (_PWM.search(name) or is_scaled("power", name)) else ""
 
 
-def _assumed(sheet: Sheet, columns: Columns, values: Array, repairs: list[str], doubts: list[str]) -> float:
+def _assumed(
+    sheet: Sheet, columns: Columns, values: Array, repairs: list[str], doubts: list[str], others: Iterable[str]
+) -> float:
     """Return 100 if the numbers can only be percent, 1 for on/off values; the user has to state anything else."""
     name, largest = columns.names["power"], float(np.max(np.abs(values)))
     if _SWITCH.search(name) and set(np.unique(values)) <= {0.0, 1.0}:
@@ -266,7 +270,7 @@ def _assumed(sheet: Sheet, columns: Columns, values: Array, repairs: list[str], 
             largest > 100.0 and not is_in_watts) else []
         perhaps = f" ({' or '.join(map(str, likely))}?)" if likely else ""
         raise LogError(f"a power up to {largest:g} {why}", file=sheet.file, column=name,
-                       expected=_EXPECTED.format(perhaps))
+                       expected=_EXPECTED.format(perhaps) + "".join(f"; and {option} if so" for option in others))
     repairs.append("The power has no unit in the file; taken as percent (otherwise: --power-full-scale).")
     if 0.0 < largest <= _SMALL:
         doubts.append(f"The power, taken as percent, never exceeds {largest:g} %: were it volts or amperes, "
@@ -339,3 +343,18 @@ def with_switch(sheet: Sheet, settings: ReadSettings) -> tuple[Sheet, ReadSettin
     note = f"The power is on where its cell is {word!r}, as stated, and off elsewhere."
     return replace(sheet.with_column(places[0], cells), repairs=(*sheet.repairs, note)), replace(
         settings, power_column=str(places[0] + 1))
+
+
+_MOVES: Final = 0.1  # of the power's range
+
+
+def power_moves(sheet: Sheet, columns: Columns) -> npt.NDArray[np.bool_] | None:
+    """Return in which rows the power moves by more than a tenth of its range, shape (n,); None if it is not logged."""
+    if "power" not in columns.index:
+        return None
+    cells = sheet.columns[columns.index["power"]]
+    switched = on_or_off(cells)
+    values = cells.floats() if switched is None else switched
+    if values is None:
+        return None
+    return np.abs(np.diff(values, prepend=values[:1])) > _MOVES * float(np.ptp(values))

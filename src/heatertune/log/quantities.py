@@ -117,7 +117,7 @@ _IN_CELSIUS: Final = re.compile(r"[\[(] ?C ?[\])]$")
 _FOREIGN: Final[dict[str, re.Pattern[str]]] = {
     "temperature": re.compile(r"%|pct|percent|counts?\b|\badc\b|[\[(/ ]m?[va][\])]?$|ohm|ω|\bbar\b"),
     "time": re.compile(r"[\[(/ ]ticks?[\])]?$"),
-    "power": re.compile(r"[\[(/ 0-9][mk]?[wva][\])]?$|volt|watt|spannung|strom|\bcurrent|\bamp(s|ere)?\b"
+    "power": re.compile(r"[\[(/ 0-9][mk]?[wva](?:dc|ac)?[\])]?$|volt|watt|spannung|strom|\bcurrent|\bamp(s|ere)?\b"
                         r"|^control( signal| value)?$|counts?\b|\braw\b|\b[da][da]c\b|°|deg ?[cf]\b"),
 }
 
@@ -221,10 +221,11 @@ _FORMS: Final = str.maketrans(
 #: search that begins with a set of characters passes over all others ten times as fast
 FORM_MARKS: Final = re.compile(
     "['\"’=(\\[−–－０-９٠-٩۰-۹\u00a0\u202f\u2009 dDxX]"
-    "(?:(?<=[^ dDxX])|(?<=\\d )\\d{3}|(?<=\\d[dD])[+-]?\\d|(?<=0[xX])[0-9a-fA-F])")
+    "(?:(?<=[^ dDxX])|(?<=\\d )\\d{3}|(?<=[+-] ) *[\\d.]|(?<=\\d[dD])[+-]?\\d|(?<=0[xX])[0-9a-fA-F])")
 _WRAPPED: Final = re.compile(r"=?\"([^\"]*)\"|'([^']*)'?|\[([-\d./T:, ]+)\]")
 _ACCOUNTANTS: Final = re.compile(r"\((\d[\d., ']*)\)")
 _SPACED: Final = re.compile(r"([+-]?\d{1,3}(?:[ ']\d{3})+(?:[.,]\d+)?)( ?[^\d\s].*)?")
+_SIGNED: Final = re.compile(r"([+-]) +(?=[\d.])")  # recorders align their signs: +  20.4
 _HEXADECIMAL: Final = re.compile(r"0[xX][0-9a-fA-F]{1,8}")
 _FORTRAN: Final = re.compile(r"([+-]?\d+\.?\d*)[dD]([+-]?\d+)")
 
@@ -239,6 +240,7 @@ def usual_form(cell: str) -> str:
         return cell
     wrapped = _WRAPPED.fullmatch(cell)
     text = (cell if wrapped is None else next(filter(None, wrapped.groups()), "")).translate(_FORMS).strip()
+    text = text if _SIGNED.match(text) is None else _SIGNED.sub(r"\1", text, count=1)
     if found := _ACCOUNTANTS.fullmatch(text):
         text = f"-{found[1]}"
     if found := _SPACED.fullmatch(text):
@@ -325,7 +327,7 @@ NOTHING: Final = frozenset((
     "", "nan", "null", "none", "n/a", "na", "-", "--", "---", "unavailable", "unknown", "#n/a", "#nv", "no data",
     "undefined", "bad", "bad input", "i/o timeout", "comm fail", "#n/d", "#wert!", "#value!", "#valor!", "#div/0!", "#",
     "----", "-----", "--.-", "--.--", "---.-", "err", "erro", "error", "open", "+over", "-over", "over", "nan.", "s.br",
-    "sbr", "nopv", "****",
+    "sbr", "nopv", "****", "-nan", "+nan", "nan(ind)", "-nan(ind)", "1.#qnan", "-1.#ind", "1.#inf",
 ))
 _ON: Final = frozenset((
     "true", "on", "yes", "ja", "ein", "an", "wahr", "heating", "high", "active", "aktiv", "run", "running", "ligado",

@@ -30,13 +30,11 @@ from heatertune.log.cleaning import (
 from heatertune.log.columns import (
     CLOCK_UNITS,
     NO_COLUMN,
-    TIME_UNITS,
     Columns,
     cell_error,
     demand_one_form,
     find_columns,
     forwards,
-    likely_time_unit,
     numbers,
     seconds,
     with_clock_parts,
@@ -57,12 +55,21 @@ from heatertune.log.log_values import (
     ReadSummary,
     built_in,
 )
-from heatertune.log.partial_rows import Mask, held_readings, on_change, rows_of_one_heater, spread, without_blank_power
-from heatertune.log.power_range import power_of, with_one_unit, with_switch
+from heatertune.log.partial_rows import (
+    Mask,
+    held_readings,
+    on_change,
+    rows_of_one_heater,
+    spread,
+    stale_readings,
+    without_blank_power,
+)
+from heatertune.log.power_range import power_moves, power_of, with_one_unit, with_switch
 from heatertune.log.quantities import ROLES, is_scaled, on_or_off, says_nothing
 from heatertune.log.sheet import Sheet
 from heatertune.log.side_columns import SIDE_ROLES, is_cooling, moving_heaters, quoted
 from heatertune.log.tags import TagSelection, TagTable, by_tags, common_instants, with_power_rows
+from heatertune.log.timestamps import TIME_UNITS, likely_time_unit
 from heatertune.options import merge_options, with_options
 from heatertune.settings import ReadSettings
 from heatertune.units import count, degF_to_degC, kelvin_to_degC
@@ -243,14 +250,15 @@ def read_log(
     raw, edges, held_rows = _readings(sheet, columns, edges, repairs, skip_empty=asked.skip_empty)
     kept, repeats = rows_to_keep(sheet, columns, time, repairs)
     kept &= ~(held_rows | no_readings(sheet, columns, raw, time, repairs, edges=edges, skip_empty=asked.skip_empty,
-                                      moves=_power_moves(sheet, columns)))
+                                      moves=power_moves(sheet, columns)))
     raw *= asked.temperature_scale or 1.0
     unit = _temperature_unit(sheet, columns, asked, raw[kept & ~edges], repairs, doubts)
     setpoint, filled = _setpoint(sheet, columns, unit.unit, asked.temperature_scale or 1.0, repairs)
     disturbance, held = _disturbance(sheet, columns, repairs)
     temperature = _in_degC(sheet, columns, "temperature", unit.unit, raw, kept)
     power = power_of(sheet, columns, asked.power_full_scale, repairs, doubts, levels=asked.power_levels,
-                     temperature_degC=np.where(kept, temperature, np.nan))
+                     temperature_degC=np.where(kept, temperature, np.nan),
+                     others=_assumed({"time": clock, "temperature": unit}).values())
     every: dict[str, LogSignal | None] = {
         "time": clock._replace(values=time), "temperature": unit._replace(values=temperature),
         "power": _with_cooling(sheet, columns, power, repairs), "setpoint": setpoint, "disturbance": disturbance,
@@ -345,23 +353,13 @@ def _readings(
     if held.any():
         repairs.append(f"The sensor is read in every {len(held) / np.count_nonzero(~held):.0f}th row; the rows between "
                        "hold its reading.")
+    stale = stale_readings(raw) & ~held
+    if stale.any():
+        repairs.append(f"{count(int(stale.sum()), 'reading')} left out that repeat the one before while others near "
+                       f"them move: a sensor or bus that hangs (first: line {sheet.line_name(int(stale.argmax()))}).")
+        held |= stale
     powered = held & ("power" in columns.index and sheet.columns[columns.index["power"]].differs())
     return raw, (edges & between) | powered, held & ~powered
-
-
-def _power_moves(sheet: Sheet, columns: Columns) -> Mask | None:
-    """Return in which rows the power moves by more than a tenth of its range, shape (n,); None if it is not logged."""
-    if "power" not in columns.index:
-        return None
-    cells = sheet.columns[columns.index["power"]]
-    switched = on_or_off(cells)
-    values = cells.floats() if switched is None else switched
-    if values is None:
-        return None
-    return np.abs(np.diff(values, prepend=values[:1])) > _MOVES * float(np.ptp(values))
-
-
-_MOVES: Final = 0.1
 
 
 def _on_own_clocks(

@@ -283,6 +283,13 @@ class Grid(Sequence[list[str]]):
         self.columns = [writer.column() for writer in writers]
         self._places = sorted(self.aside)
 
+    @classmethod
+    def of_columns(cls, columns: Sequence[CellColumn]) -> Grid:
+        """Return the rows of columns of one length."""
+        grid = cls((), 0)
+        grid.columns, grid._number = [*columns], max(map(len, columns), default=0)
+        return grid
+
     @property
     def width(self) -> int:
         """Number of cells of most rows."""

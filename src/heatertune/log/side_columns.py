@@ -27,7 +27,7 @@ from heatertune.log.timestamps import stamp
 
 __all__ = [
     "SIDE_ROLES", "add_side_columns", "demand_no_likely_power", "demand_own_temperature", "is_cooling", "is_fan",
-    "is_measured", "likely_power", "moving_heaters", "quoted",
+    "is_measured", "likely_power", "moving_heaters", "quoted", "scale_question",
 ]
 
 
@@ -92,10 +92,20 @@ def demand_no_likely_power(sheet: Sheet, index: Mapping[str, int]) -> None:
         names = [quoted(names[i]) if names[i] else str(i + 1) for i in likely]
         cells = _written(sheet.columns[likely[0]])
         words = [] if on_or_off(cells) is not None else [f"--power-on {quoted(word)}" for word in _two_words(cells)]
-        ways = f"{' or '.join(words)}, the cell that means on" if words else f"--power-column {names[0]}"
+        scale = scale_question(sheet.names()[likely[0]], cells, sheet.units[likely[0]] if sheet.units else "")
+        ways = f"{' or '.join(words)}, the cell that means on" if words else f"--power-column {names[0]}{scale}"
         raise LogError(f"no column is named as the power, but {' or '.join(names)} may be it by its "
                        f"{'words' if words else 'numbers'}", file=sheet.file,
                        expected=f"{ways}, or --power-column none")
+
+
+def scale_question(name: str, cells: CellColumn, unit: str) -> str:
+    """Return for a message the option that states the reading at full power, "" where name, unit or cells show it."""
+    values = cells.floats()
+    if unit_in_name("power", f"[{unit}]" if unit else name) or on_or_off(cells) is not None or (
+            values is None or values.min() != 0.0):
+        return ""
+    return " and --power-full-scale with its reading at full power"
 
 
 def demand_own_temperature(sheet: Sheet, index: Mapping[str, int]) -> None:

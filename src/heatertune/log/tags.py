@@ -41,7 +41,7 @@ from heatertune.log.quantities import (
     unit_in_name,
 )
 from heatertune.log.sheet import CellColumn, Sheet
-from heatertune.log.side_columns import likely_power, quoted
+from heatertune.log.side_columns import likely_power, quoted, scale_question
 from heatertune.log.timestamps import has_zone, stamp
 from heatertune.settings import ReadSettings
 from heatertune.units import count
@@ -470,8 +470,9 @@ def _roles(sheet: Sheet, tags: Sequence[str], tag: int, selection: TagSelection)
         if name is None and (len(likely) > 1 or (role == "temperature" and not likely)):
             several = f"{len(likely)} tags may be the {role} ({', '.join(likely[:_SHOWN])})" if likely else (
                 f"no tag is plainly the {role} ({listed})")
+            others = "" if role != "temperature" or wanted["power"] else " and --power-tag NAME or none"
             raise LogError(several, file=sheet.file, column=_name(sheet, tag),
-                           expected=f"{_OPTIONS[role]} NAME" + ("" if role == "temperature" else " or none"))
+                           expected=f"{_OPTIONS[role]} NAME" + (others if role == "temperature" else " or none"))
         if name is None and not likely and role == "power":
             _demand_no_likely_power(sheet, [each for each in free if each not in tag_of.values()], tag, selection)
         if name is None and likely:
@@ -502,16 +503,17 @@ def _demand_no_likely_power(sheet: Sheet, tags: Sequence[str], tag: int, selecti
     value = places(sheet, selection)[1]
     if value is None:
         return
-    likely = []
+    scales = {}
     for name in tags:
         if _role_of_tag(name) is None:
             cells = sheet.columns[value].at_rows(sheet.columns[tag].where(name.__eq__))
             figures, unit, _ = plain_quantities(cells) or (cells, "", False)
-            likely += [name] if likely_power(name, figures, in_percent=unit == "%") else []
-    if likely:
-        names = " or ".join(map(quoted, likely[:_SHOWN]))
+            if likely_power(name, figures, in_percent=unit == "%"):
+                scales[name] = scale_question(name, figures, unit)
+    for name, scale in scales.items():
+        names = " or ".join(map(quoted, [*scales][:_SHOWN]))
         raise LogError(f"no tag is named as the power, but {names} may be it by its values", file=sheet.file,
-                       expected=f"--power-tag {quoted(likely[0])} or --power-tag none")
+                       expected=f"--power-tag {quoted(name)}{scale}, or --power-tag none")
 
 
 def _role_of_tag(name: str) -> str | None:

@@ -12,16 +12,22 @@ import numpy as np
 import numpy.typing as npt
 
 from heatertune.arrays import Array
+from heatertune.log.sheet import CellColumn
 
 __all__ = [
-    "NO_ORDER", "STAMPS", "clocks_in_digits", "day_first", "duration_s", "has_zone", "is_clock", "is_date",
-    "is_date_in_digits", "is_day_or_month", "is_hours_or_minutes", "month_first", "order_of_dates", "past_hour",
-    "past_midnight", "stamp", "within_hours",
+    "LONGEST_STEP_S", "NO_ORDER", "STAMPS", "TIME_UNITS", "clocks_in_digits", "day_first", "durations_s", "has_zone",
+    "is_clock", "is_date", "is_date_in_digits", "is_day_or_month", "is_hours_or_minutes", "likely_time_unit",
+    "month_first", "order_of_dates", "past_hour", "past_midnight", "stamp", "within_hours",
 ]
 
 
 #: the formats of `stamp`, for messages
 STAMPS: Final = "2026-03-01 10:00:00 (ISO 8601), 01.03.2026 10:00:00 or 10:00:00"
+
+#: unit → its length [s]
+TIME_UNITS: Final = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0, "d": 86400.0}
+LONGEST_STEP_S: Final = 500.0  # of a calendar's seconds: a counter of milliseconds has longer ones after weeks
+_UNEVEN: Final = 0.02
 
 _DAY_FIRST = re.compile(r"(\d{1,2})([-./]) ?(\d{1,2})\2 ?(\d{4}|\d\d)(?:,?[ T]+(.+))?")
 _YEAR_FIRST = re.compile(r"(\d{4}) ?[-/.] ?(\d{1,2}) ?[-/.] ?(\d{1,2})(?:\.? *[-T:_ ] *(\S.*))?")
@@ -222,6 +228,19 @@ def duration_s(cell: str) -> float | None:
     return 86400.0 * days + 3600.0 * hours + 60.0 * minutes + seconds
 
 
+def durations_s(cells: CellColumn) -> Array | None:
+    """Return durations [s], shape (n,): 0 days 00:00:02, 5m 3s, 25:10:00; None of other cells, and of times of day."""
+    if duration_s(cells[0]) is None or duration_s(cells[-1]) is None:
+        return None
+    if is_clock(cells[0]) and all(cell.partition(":")[0].strip() in _HOURS_OF_DAY for cell in cells):
+        return None
+    values = cells.numbers(lambda cell: np.nan if (length := duration_s(cell)) is None else length)
+    return None if np.isnan(values).any() else values
+
+
+_HOURS_OF_DAY: Final = frozenset([*map(str, range(24)), *(f"0{hour}" for hour in range(10))])
+
+
 def is_date_in_digits(cell: str) -> bool:
     """Return whether a number can only be a date and a time of day, 20260314095800: no epoch has as many digits."""
     return len(cell) in (12, 14, 17) and _DIGITS.fullmatch(cell) is not None and stamp(cell) is not None
@@ -355,3 +374,20 @@ def _past_end(time: Array, whole_s: float, passes: str, period: str, repairs: li
     for row in turns:
         time[row:] += whole_s
     return time
+
+
+def likely_time_unit(time: Array) -> str:
+    """Return the likeliest unit of a time without one, judged by its interval if it were in seconds, shape (n,) [s].
+
+    Loggers write every so many seconds or minutes: 1000 s are milliseconds, and a sixtieth of a second is a minute's.
+    """
+    usual = float(time[-1] - time[0]) / max(len(time) - 1, 1)
+    if usual > LONGEST_STEP_S / 10.0 and abs(usual / 60.0 - round(usual / 60.0)) > _UNEVEN:
+        return "ms"
+    if usual >= 1.0 or _is_whole(usual * 1e3):
+        return "s"
+    return next((unit for unit in ("min", "h", "d") if _is_whole(usual * TIME_UNITS[unit])), "s")
+
+
+def _is_whole(value: float) -> bool:
+    return value > 0.5 and abs(value - round(value)) <= _UNEVEN

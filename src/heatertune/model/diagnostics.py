@@ -22,13 +22,13 @@ DROP_PCT = 10.0
 _BESIDE = 1.01  # times the least time constant
 _TWO = 2  # levels of power
 _FULL = 99.0  # %
-_AMBIENT_DEGC = (-40.0, 50.0)  # around a heater that is off
 _NEAR = 0.2  # share of a log's span
 _ROOM_DEGC = (10.0, 35.0)
-_LEAST_TIME_CONSTANT_S = 0.5  # a wire in a stream of air is as fast
-_MOST_TIME_CONSTANT_S = 3.0 * 86400.0
-_MOST_DEAD_TIME_S = 3600.0
-_MOST_RISE_DEGC = 4000.0  # at full power: tungsten melts at 3422 °C
+_DAY_S = 86400.0
+#: around a heater that is off [°C], time constant and dead time [s]: what heaters have, and what is possible
+_HARDLY_EXCEEDED = ((-40.0, 50.0), (0.5, 3.0 * _DAY_S), 3600.0)  # a wire in a stream of air is as fast
+_NEVER_EXCEEDED = ((-100.0, 150.0), (0.01, 60.0 * _DAY_S), _DAY_S)
+_MOST_RISE_DEGC = 3000.0  # at full power: of graphite and tungsten, which no controller's heater is
 _JUMP = 8.0  # times the usual change from row to row
 _USUAL = 0.99  # share of the changes that are no larger
 _LEAST_DEGC = 0.05
@@ -79,12 +79,18 @@ def fast_remarks(least_s: float, time_constant_s: float, name: str) -> tuple[Rem
 def unit_findings(fitted: FittedModel, logs: Sequence[Log]) -> tuple[Finding, ...]:
     """Return a finding for each log with an assumed unit without evidence, or with a unit that the fit contradicts.
 
-    A unit stated by the user is never questioned.
+    A unit stated by the user is questioned only where no heater can be as the fit says.
     """
     findings = []
     for log, taken in ((log, log.taken) for log in logs if log.taken is not None):
-        doubts = {role: doubt for role, doubt in _implausible(fitted, log).items()
+        doubts = {role: doubt for role, doubt in _implausible(fitted, log, *_HARDLY_EXCEEDED).items()
                   if role in taken.columns and role not in taken.stated}
+        wrong = {role: doubt for role, doubt in _implausible(fitted, log, *_NEVER_EXCEEDED).items()
+                 if role in taken.stated}
+        if wrong:
+            stated = ", ".join(map(taken.unit_option, wrong))
+            findings.append(Finding(name="unit-contradicted", message=(
+                f"{'; '.join(wrong.values())}: no heater can be so, check what is stated for {log.name} ({stated})")))
         if taken.assumed or doubts:
             findings.append(Finding(name="unit-assumed", message=_unit_sentence(taken, doubts)))
         if taken.begins_as_room and "temperature" not in doubts:
@@ -148,8 +154,11 @@ def _unit_sentence(taken: ReadSummary, doubts: Mapping[str, str]) -> str:
     return f"{'; '.join(parts)}; check, and state: {' '.join(options.values())}"
 
 
-def _implausible(fitted: FittedModel, log: Log) -> dict[str, str]:
-    """Return role → implausible result of the fit, which makes the unit of that column doubtful.
+def _implausible(
+    fitted: FittedModel, log: Log, ambient_degC: tuple[float, float], time_constant_s: tuple[float, float],
+    most_dead_time_s: float
+) -> dict[str, str]:
+    """Return role → result of the fit beyond some bounds, which makes the unit of that column doubtful.
 
     The ambient counts only if the log comes near it; from a log far above it, it is an extrapolation.
     """
@@ -159,12 +168,12 @@ def _implausible(fitted: FittedModel, log: Log) -> dict[str, str]:
     low, high = ends["ambient_degC"]
     readings = log.temperature_degC
     near = float(readings.min()) - (fitted.model.ambient_degC or 0.0) < _NEAR * float(np.ptp(readings))
-    if near and (high < _AMBIENT_DEGC[0] or low > _AMBIENT_DEGC[1]):
+    if near and (high < ambient_degC[0] or low > ambient_degC[1]):
         doubts["temperature"] = _ambient_doubt(float(fitted.model.ambient_degC or 0.0))
     low, high = ends["time_constant_s"]
-    if high < _LEAST_TIME_CONSTANT_S or low > _MOST_TIME_CONSTANT_S:
+    if high < time_constant_s[0] or low > time_constant_s[1]:
         doubts["time"] = f"a time constant of {fitted.model.time_constant_s:.3g} s is hardly a heater's"
-    if ends["dead_time_s"][0] > _MOST_DEAD_TIME_S:
+    if ends["dead_time_s"][0] > most_dead_time_s:
         doubts["time"] = f"a dead time of {fitted.model.dead_time_s / 3600.0:.3g} h is hardly a heater's"
     if 100.0 * abs(ends["gain_degC_per_pct"][0]) > _MOST_RISE_DEGC:
         doubts["power"] = f"full power would heat by {100.0 * fitted.model.gain_degC_per_pct:.4g} °C"

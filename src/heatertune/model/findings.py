@@ -172,6 +172,9 @@ KINDS: Final[dict[str, FindingKind]] = {
     "unit-assumed": FindingKind(
         "blocks", "a unit is assumed for which the log has no evidence",
         "check and state it (--time-unit, --temperature-unit, --power-full-scale; heatertune read shows which)"),
+    "unit-contradicted": FindingKind(
+        "blocks", "a stated unit makes the heater one that cannot exist",
+        "check the unit that you state (--time-unit, --temperature-unit, --power-full-scale), and its column"),
     "begins-as-room": FindingKind(
         "told", "the temperature is in °C, as the log begins like a room in °C",
         "state it if it is not (--temperature-unit)", is_assumption=True),

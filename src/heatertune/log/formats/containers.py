@@ -17,11 +17,12 @@ from collections.abc import Iterable, Iterator, Sequence
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any, Final
+from xml.etree import ElementTree
 
 from heatertune.errors import LogError
 from heatertune.log.formats.format_table import BinaryFormat, FormatTable, Line, TextFormat, line_stamp
 from heatertune.log.quantities import role_of
-from heatertune.log.sheet import CellColumn, drain
+from heatertune.log.sheet import CellColumn, Grid
 from heatertune.units import count
 from heatertune.writing import read_beyond
 
@@ -89,32 +90,37 @@ def _workbook(path: Path, data: bytes, tag: str | None) -> FormatTable:
         raise _missing(path, "excel", "python-calamine") from problem
     try:
         book = CalamineWorkbook.from_filelike(io.BytesIO(data))
-        sheets = {name: book.get_sheet_by_name(name).to_python() for name in book.sheet_names}
+        sheets = {name: book.get_sheet_by_name(name) for name in book.sheet_names}
+        numbers = {name: sum(isinstance(cell, int | float) for row in sheet.iter_rows() for cell in row)
+                   for name, sheet in sheets.items()}
     except (CalamineError, OSError, ValueError) as problem:
         raise LogError("a workbook that is damaged", file=path, expected="an .xlsx, .xls or .ods file") from problem
-    numbers = {name: sum(isinstance(cell, int | float) for row in rows for cell in row)
-               for name, rows in sheets.items()}
-    name = tag if tag in sheets else max(numbers, key=lambda title: numbers[title], default="")
-    rows = (list(map(_cell, row)) for row in drain(sheets.get(name, [])))
-    kept = [(number, row) for number, row in enumerate(rows, start=1) if any(row)]
+    name = str(tag if tag in sheets else max(numbers, key=lambda title: numbers[title]))
+    lines = list[int]()
+    rows = Grid(_filled(sheets[name].iter_rows(), lines), sheets[name].width)
     others = [each for each in sheets if each != name]
     passed = f"; other sheets: {', '.join(others[:_SHOWN])} (--tag)" if others else ""
-    return FormatTable((), [row for _, row in kept], [number for number, _ in kept],
-                       [f"Workbook: sheet {name!r} read{passed}."], part=str(name) if tag == name else "")
+    return FormatTable((), rows, lines, [f"Workbook: sheet {name!r} read{passed}."], part=name if tag == name else "")
+
+
+def _filled(rows: Iterable[Iterable[Any]], lines: list[int]) -> Iterator[list[str]]:
+    """Yield the cells of the rows that are not empty, and add their numbers to a list."""
+    for number, row in enumerate(rows, start=1):
+        if any(cells := list(map(_cell, row))):
+            lines.append(number)
+            yield cells
 
 
 def _arrow(path: Path, data: bytes, _: str | None) -> FormatTable:
     """Return a table of Parquet or Feather; an index that was saved with it is a column of it."""
     try:
-        from pyarrow import ArrowException, feather, parquet, timestamp, types
+        from pyarrow import ArrowException, feather, parquet
     except ImportError as problem:
         raise _missing(path, "parquet", "pyarrow") from problem
     try:
         kind, library = ("Parquet", parquet) if data.startswith(b"PAR1") else ("Feather", feather)
         stored = library.read_table(io.BytesIO(data))
-        columns = [column.cast(timestamp("us", column.type.tz), safe=False) if types.is_timestamp(column.type)
-                   else column for column in stored.columns]
-        cells = [_cells_of(_in_parts(column)) for column in columns]
+        cells = [*map(_texts_of, stored.columns)]
     except (ArrowException, OSError, ValueError, OverflowError) as problem:
         raise LogError("a table that is damaged", file=path, expected="a whole .parquet or .feather file") from problem
     return _of_columns(path, kind, stored.column_names, cells)
@@ -149,6 +155,16 @@ def _matlab(path: Path, data: bytes, tag: str | None) -> FormatTable:
     return _of_columns(path, "MATLAB", tuple(chosen), list(chosen.values()))
 
 
+def _texts_of(column: Any) -> CellColumn:
+    """Return the cells of a column of Arrow, whose own texts are made many times faster than those of Python."""
+    if str(column.type).startswith(_OWN_TEXTS):
+        return _cells_of(_in_parts(column))
+    return CellColumn.of(_in_parts(column.cast("string").fill_null("")))
+
+
+_OWN_TEXTS: Final = ("list", "large_list", "fixed_size_list", "struct", "map", "duration")
+
+
 def _in_parts(column: Any) -> Iterator[Any]:
     """Yield the values of a column of Arrow; all at once they would take ten times the memory."""
     for k in range(0, len(column), _AT_ONCE):
@@ -160,12 +176,10 @@ def _cells_of(values: Iterable[Any]) -> CellColumn:
 
 
 def _of_columns(path: Path, kind: str, names: Sequence[str], columns: Sequence[CellColumn]) -> FormatTable:
-    number = max(map(len, columns), default=0)
-    if not number:
+    rows = Grid.of_columns(columns)
+    if not rows:
         raise LogError("a table without rows", file=path, expected="columns of time and temperature")
-    rows = map(list, zip(*columns, strict=True))
-    return FormatTable(tuple(names), rows if names else [*rows], range(1, number + 1),
-                       [f"{kind}: {count(number, 'row')} read."])
+    return FormatTable(tuple(names), rows, range(1, len(rows) + 1), [f"{kind}: {count(len(rows), 'row')} read."])
 
 
 CONTAINERS: Final = (
@@ -208,8 +222,8 @@ def _html(path: Path, numbered: Sequence[Line], _: str | None) -> FormatTable:
     if width < _FEWEST:
         raise LogError("a page without a table", file=path, expected="a table of time and temperature")
     numbers = [number for number, _ in numbered]
-    return FormatTable((), [row for _, row in kept], [numbers[number - 1] for number, _ in kept],
-                       [f"Table of a web page: {count(len(kept), 'row')} read."])
+    return FormatTable.from_rows((), [(numbers[number - 1], row) for number, row in kept],
+                                 f"Table of a web page: {count(len(kept), 'row')} read.")
 
 
 _FEWEST: Final = 2
@@ -241,19 +255,17 @@ def _has_names(lines: Sequence[Line]) -> bool:
 def _named(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
     """Return a column for each name; the time is the stamp in the line, if there is one."""
     names = Counter(tuple(name for name, _, _ in _pairs(line)) for line in _last(numbered)).most_common(1)[0][0]
-    rows, lines, units = [], [], dict[str, str]()
+    rows, units = list[tuple[int, list[str]]](), dict[str, str]()
     for number, line in numbered:
         pairs = _pairs(line)
         if tuple(name for name, _, _ in pairs) == names:
             units |= {name: unit for name, _, unit in pairs if unit}
-            rows.append([line_stamp(line), *(value for _, value, _ in pairs)])
-            lines.append(number)
-    stamped = all(row[0] for row in rows)
-    header = [f"{name} [{units[name]}]" if name in units else name for name in names]
-    others = len(numbered) - len(rows)
-    note = f"Lines of names and values: {count(len(rows), 'line')} read, {others} others passed over."
-    return FormatTable((*(("time",) if stamped else ()), *header), rows if stamped else [row[1:] for row in rows],
-                       lines, [note])
+            rows.append((number, [line_stamp(line), *(value for _, value, _ in pairs)]))
+    begin = 0 if all(cells[0] for _, cells in rows) else 1
+    header = ["time", *(f"{name} [{units[name]}]" if name in units else name for name in names)]
+    return FormatTable.from_rows(header[begin:], [(number, cells[begin:]) for number, cells in rows],
+                                 f"Lines of names and values: {count(len(rows), 'line')} read, "
+                                 f"{len(numbered) - len(rows)} others passed over.")
 
 
 #: before what a board prints, as the Arduino IDE shows it: 09:58:00.123 -> 20.4,51
@@ -264,9 +276,9 @@ def _monitor(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
     """Return the cells of the lines of a serial monitor, behind the time that it puts before each."""
     found = [(number, match) for number, line in numbered if (match := _MONITOR.match(line)) is not None]
     mark = next((mark for mark in "\t;," if found and mark in found[-1][1][2]), None)
-    return FormatTable((), [["time", *_cells(match[2], mark)] if re.match(r"[^\W\d]", match[2]) and k == 0 else [
-        match[1].replace(",", "."), *_cells(match[2], mark)] for k, (_, match) in enumerate(found)],
-        [number for number, _ in found], [f"Serial monitor: {count(len(found), 'line')} read with its time."])
+    return FormatTable.from_rows((), [(number, [
+        "time" if k == 0 and re.match(r"[^\W\d]", match[2]) else match[1].replace(",", "."), *_cells(match[2], mark)])
+        for k, (number, match) in enumerate(found)], f"Serial monitor: {count(len(found), 'line')} read with its time.")
 
 
 def _cells(text: str, mark: str | None) -> list[str]:
@@ -277,8 +289,70 @@ def _is_monitor(lines: Sequence[Line]) -> bool:
     return sum(_MONITOR.match(line) is not None for line in _last(lines)) > _NEARLY_ALL * len(lines[-_SAMPLE:])
 
 
+#: temp_C = 20.4, temp_C: 20.4 and temp_C | 20.4 in a line of its own, as databases print a row that is too wide
+_OWN_LINE: Final = re.compile(r"[- ]*([^\W\d][^:=|│]*?) *[:=|│](?: ([^|│]*))?$")
+
+
+def _own_names(lines: Sequence[Line]) -> list[str]:
+    """Return the names of the first record of lines that hold a value each, empty if they do not come again in turn."""
+    names = [found[1] for _, line in lines[:_LONGEST] if (found := _OWN_LINE.match(line)) is not None]
+    record = [*dict.fromkeys(names)]
+    return record if len(record) >= _FEWEST and names[len(record):2 * len(record)] == record else []
+
+
+def _records(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
+    """Return a row for each record."""
+    names, rows = _own_names(numbered), list[tuple[int, list[str]]]()
+    for number, line in numbered:
+        if (found := _OWN_LINE.match(line)) is not None and found[1] in names:
+            if found[1] == names[0] or not rows:
+                rows.append((number, [""] * len(names)))
+            rows[-1][1][names.index(found[1])] = (found[2] or "").strip()
+    return FormatTable.from_rows(names, rows, f"A value in each line: {count(len(rows), 'record')} read.")
+
+
+_LONGEST: Final = 200
+
+
+def _xml(path: Path, numbered: Sequence[Line], _: str | None) -> FormatTable:
+    """Return a row for each of the most usual elements with several values: its attributes, else its children."""
+    try:
+        root = ElementTree.fromstring("\n".join(line for _, line in numbered))
+    except ElementTree.ParseError as problem:
+        raise LogError("XML that cannot be read", file=path, expected="a whole file, or its table as CSV") from problem
+    usual = Counter(element.tag for element in root.iter() if max(len(element), len(element.attrib)) >= _FEWEST)
+    tag = max(usual, key=usual.__getitem__, default="")
+    rows = [*filter(None, map(_parts_of, root.iter(tag)))]
+    names = [name for name, _ in rows[-1]] if rows else []
+    header = names if len(set(names)) == len(names) else []  # else a row of the table holds them, or none
+    return FormatTable.from_rows(header, [(k, [cell for _, cell in row]) for k, row in enumerate(rows, start=1)],
+                                 f"XML: {count(len(rows), 'element')} {tag!r} read.")
+
+
+def _parts_of(element: ElementTree.Element) -> list[tuple[str, str]]:
+    """Return name and text of the children of an element, or of its attributes if it has not several children."""
+    if len(element) < _FEWEST:
+        return [(name, value.strip()) for name, value in element.attrib.items()]
+    return [(child.get("name") or child.tag, "".join(child.itertext()).strip()) for child in element]
+
+
+#: 1773482280: 2.0300000000e+01 0.0000000000e+00
+_FETCHED: Final = re.compile(r"(\d{9,10}): (.+)")
+
+
+def _fetch(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
+    """Return what rrdtool fetch prints, whose first line names the sources."""
+    kept = [(number, [found[1], *found[2].split()]) for number, line in numbered if (found := _FETCHED.match(line))]
+    return FormatTable.from_rows(("time", *numbered[0][1].split()), kept,
+                                 f"Fetch of RRDtool: {count(len(kept), 'row')} read.")
+
+
 WEB_TABLES: Final = (
+    TextFormat("XML", lambda lines: any(line.lstrip("\ufeff ").startswith("<?xml") for _, line in lines[:1]), _xml),
+    TextFormat("fetch of RRDtool", lambda lines: len(lines) > _FEWEST and all(
+        _FETCHED.match(line) for _, line in lines[1:_FEWEST + 1]), _fetch),
     TextFormat("table of a web page", lambda lines: any("<tr" in line.lower() for _, line in lines[:_SAMPLE]), _html),
     TextFormat("lines of names and values", _has_names, _named),
     TextFormat("serial monitor", _is_monitor, _monitor),
+    TextFormat("records of a value in each line", lambda lines: "time" in map(role_of, _own_names(lines)), _records),
 )

@@ -7,15 +7,18 @@ import csv
 import json
 import re
 import sys
+from array import array
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+
 from heatertune.errors import LogError
 from heatertune.log.formats.format_table import FormatTable, Line, TextFormat, line_stamp, matching
 from heatertune.log.quantities import role_of
-from heatertune.log.sheet import drain
+from heatertune.log.sheet import Grid, drain
 from heatertune.units import count
 
 __all__ = ["DEVICE_LOGS", "PLANT_EXPORTS"]
@@ -32,27 +35,26 @@ def _labview(path: Path, numbered: Sequence[Line], _: str | None) -> FormatTable
     decimal = next((line.split(separator)[1] for _, line in numbered[:30] if line.startswith("Decimal_Separator")), ".")
     names: list[str] = []
     units: list[str] = []
-    rows, lines, begins, in_header = [], [], [], True
+    rows, begins, in_header = list[tuple[int, list[str]]](), 0, True
     for number, line in numbered:
         cells = [cell.strip() for cell in line.split(separator)]
         if cells[0] == "Y_Unit_Label":
             units = cells[1:]
         if cells[0] in ("X_Value", "") and any(cell == "Comment" for cell in cells):
             names, in_header = cells[:cells.index("Comment")], False
-            begins.append(number)
+            begins += 1
         elif cells[0] in ("LabVIEW Measurement", "Channels"):
             in_header = True
         elif not in_header and names and len(cells) >= len(names):
-            rows.append([cell.replace(decimal, ".") for cell in cells[:len(names)]])
-            lines.append(number)
+            rows.append((number, [cell.replace(decimal, ".") for cell in cells[:len(names)]]))
     if not rows:
         raise LogError("no segment with X_Value and readings", file=path,
                        expected="a measurement file of LabVIEW with one X column")
     units = ["", *units, *[""] * len(names)]
-    header = ["time [s]" if name == "X_Value" else f"{name} [{units[k]}]" if units[k] else name
-              for k, name in enumerate(names)]
-    return FormatTable(tuple(header), rows, lines, [
-        f"Measurement of LabVIEW: {count(len(begins), 'segment')} read, X_Value in seconds."])
+    return FormatTable.from_rows(
+        ("time [s]" if name == "X_Value" else f"{name} [{units[k]}]" if units[k] else name
+         for k, name in enumerate(names)),
+        rows, f"Measurement of LabVIEW: {count(begins, 'segment')} read, X_Value in seconds.")
 
 
 def _ignition(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
@@ -61,32 +63,28 @@ def _ignition(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
     names = next(row for (_, before), (_, row) in pairwise(cells) if before[0] == "#NAMES")
     rows = next(k for k, (_, row) in enumerate(cells) if row[0] == "#ROWS") + 1
     kept = [(number, row) for number, row in cells[rows:] if len(row) == len(names)]
-    return FormatTable(tuple(names), [row for _, row in kept], [number for number, _ in kept],
-                       [f"Data set of Ignition: {count(len(kept), 'row')} read."])
+    return FormatTable.from_rows(names, kept, f"Data set of Ignition: {count(len(kept), 'row')} read.")
 
 
 def _codesys(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
     """Return a trace that CODESYS saves as text: the time in milliseconds, then the variables of the third line."""
     names = numbered[2][1].split()
     kept = [(number, cells) for number, line in numbered[3:] if len(cells := line.split()) == len(names)]
-    return FormatTable(("time [ms]", *names[1:]), [cells for _, cells in kept], [number for number, _ in kept],
-                       [f"Trace of CODESYS: {count(len(kept), 'row')} read, their first column as milliseconds."])
+    return FormatTable.from_rows(("time [ms]", *names[1:]), kept, f"Trace of CODESYS: {count(len(kept), 'row')} read, "
+                                 "their first column as milliseconds.")
 
 
 def _paired(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
     """Return a table in which each variable has a column of times of its own as a long table."""
     separator = _pair_separator(numbered[0][1])
     head = [cell.strip('" ') for cell in numbered[0][1].split(separator)]
-    rows, lines = [], []
+    rows = list[tuple[int, list[str]]]()
     for number, line in numbered[1:]:
         cells = [cell.strip('" ') for cell in line.split(separator)]
-        for k in range(0, min(len(cells), len(head)) - 1, 2):
-            if cells[k] and cells[k + 1]:
-                rows.append([cells[k], head[k + 1], cells[k + 1]])
-                lines.append(number)
-    order = sorted(range(len(rows)), key=lambda k: lines[k])
-    return FormatTable((head[0], "tag", "value"), [rows[k] for k in order], [lines[k] for k in order],
-                       [f"Each of {count(len(head) // 2, 'variable')} was read with its own column of times."])
+        rows += [(number, [cells[k], head[k + 1], cells[k + 1]])
+                 for k in range(0, min(len(cells), len(head)) - 1, 2) if cells[k] and cells[k + 1]]
+    return FormatTable.from_rows((head[0], "tag", "value"), rows, f"Each of {count(len(head) // 2, 'variable')} was "
+                                 "read with its own column of times.")
 
 
 def _pair_separator(line: str) -> str:
@@ -126,16 +124,15 @@ _KILN: Final = re.compile(r"\btemp ?= ?(-?[\d.]+|nan|None), target=(-?[\d.]+).*\
 
 def _kiln(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
     """Return the control lines; the power is the share of the interval in which the elements were on."""
-    rows, lines = [], []
+    rows = list[tuple[int, list[str]]]()
     for number, line in numbered:
-        found = _KILN.search(line)
-        if found is None:
-            continue
-        on, off = float(found[3]), float(found[4])
-        rows.append([found[5], found[1], f"{on / (on + off):.6g}" if on + off > 0.0 else "0", found[2]])
-        lines.append(number)
-    repairs = [f"Log of kiln-controller: {count(len(rows), 'line')} read; the power is heat_on of heat_on + heat_off."]
-    return FormatTable(("run_time [s]", "temp", "power [0...1]", "target"), rows, lines, repairs)
+        if (found := _KILN.search(line)) is not None:
+            on, off = float(found[3]), float(found[4])
+            share = f"{on / (on + off):.6g}" if on + off > 0.0 else "0"
+            rows.append((number, [found[5], found[1], share, found[2]]))
+    return FormatTable.from_rows(
+        ("run_time [s]", "temp", "power [0...1]", "target"), rows,
+        f"Log of kiln-controller: {count(len(rows), 'line')} read; the power is heat_on of heat_on + heat_off.")
 
 
 #: [10:00:00][D][sensor:094]: 'Oven': Sending state 20.5 °C with 1 decimals of accuracy; also of a switch: ON
@@ -147,7 +144,7 @@ _COLOUR: Final = re.compile(r"\x1b?\[[\d;]+m")
 
 def _esphome(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
     """Return the states that are sent, as a long table; a climate's own temperature only where no sensor sends one."""
-    rows, lines, climate = [], [], ""
+    rows, climate = list[tuple[int, list[str]]](), ""
     has_sensor = any("°C with" in line for _, line in numbered)
     for number, raw in numbered:
         line = _COLOUR.sub("", raw)
@@ -156,20 +153,17 @@ def _esphome(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
             climate = found[2]
         elif found is not None and (found[5] or found[1] != "sensor"):  # else the line is cut off
             value = "" if found[3] == "nan" else f"{found[3]} {found[4] or ''}"
-            rows.append([line_stamp(line), found[2], value.strip()])
-            lines.append(number)
+            rows.append((number, [line_stamp(line), found[2], value.strip()]))
         elif (part := _CLIMATE.search(line)) is not None and (part[1] == "Target" or not has_sensor):
-            rows.append([line_stamp(line), f"{climate} {part[1].lower()} temperature", f"{part[2]} °C"])
-            lines.append(number)
-    others = len(numbered) - len(rows)
-    repairs = [f"Log of ESPHome: {count(len(rows), 'state')} read, {others} other lines passed over."]
-    return FormatTable(("time", "name", "value"), rows, lines, repairs)
+            rows.append((number, [line_stamp(line), f"{climate} {part[1].lower()} temperature", f"{part[2]} °C"]))
+    return FormatTable.from_rows(("time", "name", "value"), rows, f"Log of ESPHome: {count(len(rows), 'state')} read, "
+                                 f"{len(numbered) - len(rows)} other lines passed over.")
 
 
 #: measurement,tag=…,tag=… field=value,field=value 1741557600000000000
-_KEY: Final = r"(?:[^\s=,\\]++|\\.)++"
-_NAME: Final = r"(?:[^\s,\\]++|\\.)++"
-_FIELD_VALUE: Final = r"(?:\"(?:[^\"\\]++|\\.)*+\"|[^\s,\"]++)"
+_KEY: Final = r"(?=[^\s=,])[^\s=,\\]*+(?:\\.[^\s=,\\]*+)*+"
+_NAME: Final = r"(?=[^\s,])[^\s,\\]*+(?:\\.[^\s,\\]*+)*+"
+_FIELD_VALUE: Final = r"(?:[^\s,\"]++|\"(?:[^\"\\]++|\\.)*+\")"
 _POINT: Final = re.compile(
     rf"({_NAME}(?:,{_KEY}={_NAME})*) ({_KEY}={_FIELD_VALUE}(?:,{_KEY}={_FIELD_VALUE})*) (\d{{9,19}})\s*")
 _FIELD: Final = re.compile(rf"({_KEY})=({_FIELD_VALUE})")
@@ -177,22 +171,26 @@ _FIELD: Final = re.compile(rf"({_KEY})=({_FIELD_VALUE})")
 
 def _line_protocol(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
     """Return a long table of the fields that are no text; where there is one series, a field alone is the tag."""
-    instants, tags, values, lines, names = list[str](), list[str](), list[str](), list[int](), dict[str, str]()
-    for number, line in numbered:
-        series, fields, instant = ("", "", "") if (found := _POINT.fullmatch(line)) is None else found.groups()
-        for name, value in _FIELD.findall(fields):
-            if value[0] != '"':
-                names[tag := sys.intern(f"{series} {name}")] = name
-                instants.append(instant)
-                tags.append(tag)
-                values.append(value.rstrip("iu"))
-                lines.append(number)
-    is_single = len({tag.removesuffix(name) for tag, name in names.items()}) == 1
-    points = count(len(set(lines)), "point")
-    others = len(numbered) - len(set(lines))
-    rows = zip(instants, map(names.__getitem__, tags) if is_single else tags, values, strict=True)
-    return FormatTable(("time", "tag", "value"), map(list, rows), lines,
-                       [f"Line protocol of InfluxDB: {points} read, {others} other lines passed over."])
+    names, lines = dict[str, str](), array("q")
+
+    def fields() -> Iterator[list[str]]:
+        for number, line in numbered:
+            if (found := _POINT.fullmatch(line)) is not None:
+                for name, value in _FIELD.findall(found[2]):
+                    if value[0] != '"':
+                        names[tag := f"{found[1]} {name}"] = name
+                        lines.append(number)
+                        yield [found[3], tag, value.rstrip("iu")]
+
+    rows = Grid(fields(), len(_LONG))
+    if len({tag.removesuffix(name) for tag, name in names.items()}) == 1:
+        rows.columns[1] = rows.columns[1].map(names.__getitem__)
+    points = len(np.unique(lines))
+    return FormatTable(_LONG, rows, lines, [f"Line protocol of InfluxDB: {count(points, 'point')} read, "
+                                            f"{len(numbered) - points} other lines passed over."])
+
+
+_LONG: Final = ("time", "tag", "value")
 
 
 def _artisan_csv(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
@@ -203,10 +201,10 @@ def _artisan_csv(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTab
     whole = [(number, cells) for number, cells in kept if len(cells) == len(header) and _MINUTES.fullmatch(cells[0])]
     places = [i for i, name in enumerate(header) if i and name not in ("Time2", "Event", "")]
     names = [f"{header[i]} temperature [{unit}]" if header[i] in ("ET", "BT") else header[i] for i in places]
-    rows = [[_of_minutes(cells[0]), *(_reading(header[i], cells[i]) for i in places)] for _, cells in whole]
-    repairs = [f"CSV of Artisan: {count(len(rows), 'row')} read, {len(kept) - len(rows)} others left out."]
-    return FormatTable(("time [s]", *_bean_first(names)), [_in_order(row, names) for row in rows],
-                       [number for number, _ in whole], repairs)
+    rows = [(number, _in_order([_of_minutes(cells[0]), *(_reading(header[i], cells[i]) for i in places)], names))
+            for number, cells in whole]
+    return FormatTable.from_rows(("time [s]", *_bean_first(names)), rows, f"CSV of Artisan: {count(len(rows), 'row')} "
+                                 f"read, {len(kept) - len(rows)} others left out.")
 
 
 _MINUTES: Final = re.compile(r"[0-9]{1,4}:[0-9]{2}(\.[0-9]+)?")
@@ -297,7 +295,7 @@ def _json_records(numbered: Sequence[Line]) -> tuple[list[dict[str, str]], list[
     lines, decode = list[int](), json.JSONDecoder().raw_decode
     for number, line in numbered:
         try:
-            record, end = decode(text := _TOPIC.sub("", line.strip().rstrip(",")))
+            record, end = decode(text := _TOPIC.sub("", line.strip(" \t,[]")))
         except (ValueError, RecursionError):
             continue
         if isinstance(record, dict) and not text[end:].strip(" \t"):
@@ -401,7 +399,7 @@ def _series(path: Path, numbered: Sequence[Line], _: str | None) -> FormatTable:
         raise LogError("a query's result that cannot be read", file=path,
                        expected="the whole answer to a range query") from problem
     rows.sort(key=lambda row: float(row[0]))
-    return FormatTable(("time", "tag", "value"), rows, list(range(1, len(rows) + 1)), [
+    return FormatTable(_LONG, rows, list(range(1, len(rows) + 1)), [
         f"Range query of Prometheus: {len(series)} series read."])
 
 
@@ -420,11 +418,10 @@ def _sql(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
             names.setdefault(found[1], found[2] or "")
         elif found := _CREATE.match(line):
             names[found[1]] = ",".join(re.findall(r"(?:^|,)\s*[\"`]?(\w+)", found[2]))
-    table = max(rows, key=lambda name: len(rows[name]))
-    lines, cells_of = zip(*rows[table], strict=True)
-    header = tuple(name.strip(' "`') for name in names[table].split(","))
-    return FormatTable(header if len(header) == len(cells_of[0]) else (), list(cells_of), lines, [
-        f"Dump of a database: {count(len(lines), 'row')} of the table {table!r} read."])
+    table, kept = max(rows.items(), key=lambda pair: len(pair[1]))
+    header = [name.strip(' "`') for name in names[table].split(",")]
+    return FormatTable.from_rows(header if len(header) == len(kept[0][1]) else (), kept,
+                                 f"Dump of a database: {count(len(kept), 'row')} of the table {table!r} read.")
 
 
 DEVICE_LOGS: Final = (

@@ -84,6 +84,11 @@ class FormatTable(NamedTuple):
     session: int | None = None
     part: str = ""
 
+    @classmethod
+    def from_rows(cls, header: Iterable[str], rows: Sequence[tuple[int, list[str]]], repair: str) -> FormatTable:
+        """Return the table of some rows, each with the number of its line."""
+        return cls(tuple(header), [cells for _, cells in rows], [number for number, _ in rows], [repair])
+
 
 class TextFormat(NamedTuple):
     """A format of text files.

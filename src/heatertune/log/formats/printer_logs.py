@@ -110,7 +110,7 @@ def _heater_to_read(path: Path, moved: Mapping[str, float], tag: str | None) -> 
 
 def _klipper_test(path: Path, numbered: Sequence[Line], _: str | None) -> FormatTable:
     """Return the readings of heattest.txt, each with the power that is in effect."""
-    times, powers, rows, lines = [], [], [], []
+    times, powers, rows = [], [], list[tuple[int, list[str]]]()
     for number, line in numbered:
         sent, read = _PWM.fullmatch(line), _TEMPERATURE.fullmatch(line)
         if sent is not None:
@@ -118,24 +118,22 @@ def _klipper_test(path: Path, numbered: Sequence[Line], _: str | None) -> Format
             powers.append(sent[2])
         elif read is not None:
             before = bisect_right(times, float(read[1]))
-            rows.append([read[1], read[2], powers[before - 1] if before else "0.000"])
-            lines.append(number)
+            rows.append((number, [read[1], read[2], powers[before - 1] if before else "0.000"]))
         elif line.strip():
             raise LogError("a line that PID_CALIBRATE does not write", file=path, line=number, value=line[:60],
                            expected="pwm, time and duty, or time and temperature")
     if times != sorted(times):
         raise LogError("the times of pwm do not rise", file=path, expected="the file of one PID_CALIBRATE")
-    repairs = [f"heattest.txt of PID_CALIBRATE: {count(len(times), 'change')} of the power, each from its instant on."]
-    return FormatTable(_HEADER, rows, lines, repairs)
+    return FormatTable.from_rows(_HEADER, rows, f"heattest.txt of PID_CALIBRATE: {count(len(times), 'change')} of the "
+                                 "power, each from its instant on.")
 
 
 def _kalico_test(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
     """Return the first table of heattest.csv."""
     end = next((k for k, (_, line) in enumerate(numbered) if _PEAKS.fullmatch(line)), len(numbered))
     kept = [(number, [cell.strip() for cell in line.split(",")]) for number, line in numbered[1:end] if line.strip()]
-    peaks = count(len(numbered) - end, "line")
-    repairs = [f"heattest.csv of Kalico's PID_CALIBRATE: {peaks} of its peaks passed over."]
-    return FormatTable((*_HEADER, "setpoint [degC]"), [row for _, row in kept], [number for number, _ in kept], repairs)
+    return FormatTable.from_rows((*_HEADER, "setpoint [degC]"), kept, "heattest.csv of Kalico's PID_CALIBRATE: "
+                                 f"{count(len(numbered) - end, 'line')} of its peaks passed over.")
 
 
 #: a report of temperatures, as M105, M155 and M303 make it: T:20.5 /60.0 B:22.1 /0.0 @:64 B@:0
@@ -158,19 +156,20 @@ def _reports(numbered: Sequence[Line]) -> tuple[dict[str, list[str]], dict[str, 
     counts: dict[tuple[tuple[str, str, str], ...], dict[str, str]] = {}  # a log has few
     full = _MARLIN_FULL
     for number, line in numbered:
-        if _REPORT.search(line) is None:
+        if not (parts := _PART.findall(line)):
             continue
         if (sent := counts.get(found := (*_SENT.findall(line),))) is None:
-            sent = counts[found] = {letter + digit: f"{int(value)}" for letter, digit, value in found}
-            if [*sent][:2] == ["B", ""] or max(map(int, sent.values()), default=0) > _MARLIN_FULL:
+            sent = counts[found] = {name: f"{int(value)}" for letter, digit, value in sorted(found)
+                                    for name in ((letter or "T") + digit, *(() if letter + digit else ("T0",)))}
+            begins_with_bed = [each[:2] for each in found[:2]] == [("B", ""), ("", "")]
+            if begins_with_bed or max(map(int, sent.values()), default=0) > _MARLIN_FULL:
                 full = _EIGHT_BITS_FULL
         if not sent and (sent := {name: f"{int(value)}" for name, value in _SMOOTHIE.findall(line)}):
             full = _EIGHT_BITS_FULL
         stamp = line_stamp(line)
-        for name, degC, target in _PART.findall(line):
-            power = sent.get(name, sent.get(name[1:], sent.get("") if name in ("T", "T0") else None))
-            if power is not None:
-                heaters.setdefault(name, []).extend((stamp, name, degC, power, target))
+        for name, degC, target in parts:
+            if name in sent:
+                heaters.setdefault(name, []).extend((stamp, name, degC, sent[name], target))
                 lines.setdefault(name, []).append(number)
     if "T0" in heaters:
         heaters.pop("T", None)  # the same hot end twice
