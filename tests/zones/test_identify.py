@@ -157,6 +157,24 @@ def test_files_of_each_zone_need_one_clock(tmp_path):
         read_zones(paths, ["a", "b", "c"])
 
 
+@pytest.mark.long
+def test_files_whose_clocks_begin_at_other_instants_are_refused_with_the_remedy_that_serves(tmp_path):
+    time, readings, powers = logged(chain(3, 0.5), steps(3, 6000), 1.0, 4, np.random.default_rng(2), 0.03)
+    paths = [tmp_path / f"{zone}.csv" for zone in "abc"]
+
+    def write(head, stamps):
+        for zone, path in enumerate(paths):
+            rows = zip(stamps(zone), readings[:, zone], powers[:, zone], strict=True)
+            path.write_text(f"{head},temp_degC,power_pct\n" + "".join(f"{at},{y:.2f},{u:g}\n" for at, y, u in rows), encoding="utf-8")
+
+    write("time_s", lambda zone: time + 300.0 * (zone == 1))
+    with pytest.raises(InputError, match="log dates, or all zones in one file, if they do not begin at the same instant"):
+        fit_network(read_zones(paths, "abc"))
+    write("time", lambda _: dates(time))
+    found = fit_network(read_zones(paths, "abc"))
+    assert found.network.gains_degC_per_pct == pytest.approx((1.2,) * 3, rel=0.02)
+
+
 def dates(time_s):
     """The instants of a log as dates, to the whole second."""
     return (np.datetime64("2026-03-02T10:00:00") + time_s.astype("timedelta64[s]")).astype(str)

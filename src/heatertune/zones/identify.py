@@ -370,11 +370,12 @@ def _is_explained(log: ZoneLog, structure: str | None) -> bool:
 def _result(log: ZoneLog, problem: NetworkProblem, fit: NetworkFit) -> FittedNetwork:
     readings, (own, _), covariance = problem.readings, fit.layout.parts(fit.values), problem.covariance(fit)
     reach = _NORMAL * np.sqrt(np.diag(covariance)[: own.size].reshape(own.shape)[:, :2])
-    longest = math.log(_LONGEST_LAG * float(np.ptp(log.time_s)))
-    known = np.all(reach < math.log(_NO_HEATER), axis=1) & (own[:, 1] < longest)
+    known = np.all(reach < math.log(_NO_HEATER), axis=1) & (own[:, 1] < math.log(_LONGEST_LAG * np.ptp(log.time_s)))
     for zone, ambient, is_known in zip(log.zones, own[:, 3], known, strict=True):
         if ambient < ABSOLUTE_ZERO_DEGC or not is_known:
-            cause = "; ".join(problem.misread_powers(log.zones))
+            clocks = [f"{each.message}: log dates, or all zones in one file, if they do not begin at the same instant"
+                      for each in log.findings if each.name == "one-clock"]
+            cause = "; ".join([*clocks, *problem.misread_powers(log.zones)])
             raise InputError(f"{log.name}: the log does not show the heater of zone {zone!r}: {cause or _FROM_REST}")
     error = np.sqrt(np.sum(fit.residuals**2, axis=0) / np.sum((readings - readings.mean(axis=0)) ** 2, axis=0))
     fit_pct = tuple(100.0 * (1.0 - error))
