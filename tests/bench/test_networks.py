@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from heatertune.plc import Scaling
 from heatertune.settings import Conditions
-from heatertune.zones import network_by_hand, prove_zones
+from heatertune.zones import design_zones, network_by_hand, prove_zones
 from heatertune.zones.joint_proof import specification_for
 from tests.bench.coupled import outcome
 from tests.bench.networks import case, complaint_of
@@ -24,6 +25,20 @@ def test_no_pass_of_a_drawn_network_is_false(seed):
     found = case(seed, most_zones=3)
     assert not found.complaint, found.summary
     assert found.verdict == "PASS", found.summary  # at least 90 % of 200 drawn by hand do
+
+
+@pytest.mark.long(seconds=10)
+def test_the_judge_breaks_a_design_that_ignores_the_sag_of_the_supply_and_the_proof_refuses_it_where_it_is_known():
+    # each setpoint needs 80 % of a heater; with both fully on, each gets 100 · (1 − 0.25) = 75 %
+    network = replace(chain(2, 1.0), supply_shares=(0.25, 0.25))
+    setpoints = [22.0 + 1.2 * 80.0] * 2
+    ignored = design_zones(network_by_hand(replace(network, supply_shares=())), "s7-300", setpoints,
+                           scaling=Scaling(low_degC=0.0, high_degC=200.0))
+    assert ignored.verdict == "PASS", ignored.summary()
+    assert "off at the end" in complaint_of(network, ignored, np.random.default_rng(0))
+    known = design_zones(network_by_hand(network), "s7-300", setpoints, scaling=Scaling(low_degC=0.0, high_degC=200.0))
+    assert known.verdict == "FAIL"
+    assert "power to hold the setpoints" in known.summary().splitlines()[1]
 
 
 @pytest.mark.long(seconds=25)
