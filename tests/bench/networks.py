@@ -48,9 +48,9 @@ def on_one_supply(network, random, least=0.1, most=0.35):
                    supply_shares=tuple(random.uniform(least, most, count) / (count - 1)))
 
 
-def case(seed, most_zones=8, *, kind=""):
-    """Return what becomes of one drawn network; `kind`: see the head of this file."""
-    random, begun = np.random.default_rng(seed), time.process_time()
+def drawn_log(seed, most_zones=8, kind=""):
+    """Return a drawn network, its log, and what draws further; `kind`: see the head of this file."""
+    random = np.random.default_rng(seed)
     network = drawn(random, int(random.integers(2, (3 if kind else most_zones) + 1)))
     network = on_one_supply(network, random, *SHARES[kind]) if kind else network
     shares = np.array(network.supply_shares or (0.0,) * len(network.zones))
@@ -60,14 +60,20 @@ def case(seed, most_zones=8, *, kind=""):
     lost = course @ np.diag(shares) / 100.0
     reaching = course * (1.0 - (lost.sum(axis=1, keepdims=True) - lost))
     instants, readings, _ = logged(network, reaching, 1.0, 2, random, 0.03)  # at last all up to the setpoints
-    powers = course[::2]
-    log = ZoneLog(name="drawn", zones=network.zones, time_s=instants, temperatures_degC=readings, powers_pct=powers)
+    log = ZoneLog(name="drawn", zones=network.zones, time_s=instants, temperatures_degC=readings, powers_pct=course[::2])
+    return network, log, random
+
+
+def case(seed, most_zones=8, *, kind=""):
+    """Return what becomes of one drawn network; `kind`: see the head of this file."""
+    begun = time.process_time()
+    network, log, random = drawn_log(seed, most_zones, kind)
     fitted = network_by_hand(replace(network, supply_shares=())) if kind == "ignored-sag" else fit_network(log)
     intervals = dict(zip(
         fitted.layout.pairs, list(fitted.ci95.values())[-len(fitted.layout.pairs):], strict=True))
     inside = sum(interval.low <= network.exchange[pair] <= interval.high for pair, interval in intervals.items())
     states, inputs, constant = balance(network)
-    held_pct = random.uniform(*((75.0, 85.0) if kind == "ignored-sag" else (22.0, 40.0)), count)  # that sags, it needs more
+    held_pct = random.uniform(*((75.0, 85.0) if kind == "ignored-sag" else (22.0, 40.0)), len(network.zones))  # that sags, it needs more
     setpoints = np.linalg.solve(states, -(inputs @ held_pct + constant)).round(1)
     proof = design_zones(fitted, TARGETS[seed % 2], list(setpoints), scaling=Scaling(low_degC=0.0, high_degC=400.0 if kind == "ignored-sag" else 200.0))
     complaint = complaint_of(network, proof, random) if proof.verdict == "PASS" else ""

@@ -93,8 +93,7 @@ class ParameterLayout(NamedTuple):
 
     def moving(self, zone: int, count: int) -> list[int]:
         """Return the places of the parameters of a zone, of its couplings, and of the shares among `count`."""
-        first = self.size * self.per_zone
-        coupled = [first + place for place, pair in enumerate(self.pairs) if pair[0] == zone]
+        coupled = [self.size * self.per_zone + place for place, pair in enumerate(self.pairs) if pair[0] == zone]
         return [*range(zone * self.per_zone, (zone + 1) * self.per_zone), *coupled, *range(self.first_share, count)]
 
     @property
