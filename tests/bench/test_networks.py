@@ -6,11 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from heatertune.plc import Scaling
 from heatertune.settings import Conditions
-from heatertune.zones import network_by_hand, prove_zones
+from heatertune.zones import design_zones, fit_network, network_by_hand, prove_zones
 from heatertune.zones.joint_proof import specification_for
 from tests.bench.coupled import outcome
-from tests.bench.networks import case, complaint_of
+from tests.bench.networks import case, complaint_of, drawn_log
 from tests.bench.zone_judge import judge
 from tests.zones.networks import chain
 from tests.zones.test_joint import separate
@@ -24,6 +25,32 @@ def test_no_pass_of_a_drawn_network_is_false(seed):
     found = case(seed, most_zones=3)
     assert not found.complaint, found.summary
     assert found.verdict == "PASS", found.summary  # at least 90 % of 200 drawn by hand do
+
+
+@pytest.mark.long(seconds=10)
+def test_the_judge_breaks_a_design_that_ignores_the_sag_of_the_supply_and_the_proof_refuses_it_where_it_is_known():
+    # each setpoint needs 80 % of a heater; with both fully on, each gets 100 · (1 − 0.25) = 75 %
+    network = replace(chain(2, 1.0), supply_shares=(0.25, 0.25))
+    setpoints = [22.0 + 1.2 * 80.0] * 2
+    ignored = design_zones(network_by_hand(replace(network, supply_shares=())), "s7-300", setpoints,
+                           scaling=Scaling(low_degC=0.0, high_degC=200.0))
+    assert ignored.verdict == "PASS", ignored.summary()
+    assert "off at the end" in complaint_of(network, ignored, np.random.default_rng(0))
+    known = design_zones(network_by_hand(network), "s7-300", setpoints, scaling=Scaling(low_degC=0.0, high_degC=200.0))
+    assert known.verdict == "FAIL"
+    assert "power to hold the setpoints" in known.summary().splitlines()[1]
+
+
+@pytest.mark.long(seconds=15)
+def test_a_weak_sag_is_found_though_a_network_without_it_explains_the_log_to_98_percent():
+    # the fit without the sag gave zone a a gain of 1.50 to 1.59 for a true 1.68, and zone c cold from zone a
+    network, log, _ = drawn_log(8006, kind="weak-sag")
+    fitted = fit_network(log)
+    assert [each.name for each in fitted.findings] == ["shared-supply"] * 3
+    for zone, label in enumerate(network.zones):
+        share, gain = (fitted.ci95[f"{name} {label}"] for name in ("supply_share", "gain_degC_per_pct"))
+        assert share.low <= network.supply_shares[zone] <= share.high
+        assert gain.low <= network.gains_degC_per_pct[zone] <= gain.high
 
 
 @pytest.mark.long(seconds=25)

@@ -266,6 +266,9 @@ def test_a_setpoint_that_the_neighbours_exceed_fails_and_says_why():
     assert proof.verdict == "FAIL"
     assert "its neighbours heat it beyond its setpoint" in "".join(proof.summary().splitlines()[1:3])  # before what follows from it
     assert "--neighbour-deviation" not in proof.summary()
+    # a hand calculation: zone a rests at (22 + 8·80) / 9 = 73.6 °C without power; 1 % of its power adds 1.2 / 9 °C
+    assert "raise it to 74 °C" in proof.summary()
+    assert design_zones(network_by_hand(chain(2, 8.0)), "s7-300", [74.0, 80.0]).verdict == "PASS"
 
 
 def test_a_finding_blocks_until_it_is_accepted_and_its_remedy_is_one_for_zones():

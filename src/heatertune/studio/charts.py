@@ -336,7 +336,7 @@ def _two_grids(lines: Sequence[Options], picture: Picture, *, end_s: float) -> O
     named = {"customValues": np.round(picture.place(_instants(picture, end_s)), 1).tolist()}
     axis_x = upper["xAxis"] | {"min": 0, "max": round(float(picture.place(end_s)), 1), "splitLine": {"show": False},
                                "axisTick": named}
-    axis_x["axisLabel"] = axis_x["axisLabel"] | named | {"hideOverlap": True, ":formatter": _instant_of(picture)}
+    axis_x["axisLabel"] = axis_x["axisLabel"] | named | {":formatter": _instant_of(picture)}
     axis_y, pointed = upper["yAxis"], f"p => ({_instant_of(picture)})(p.value) + ' s'"
     left, right = 52, 14
     return upper | {
@@ -408,7 +408,7 @@ def line_chart(x: str, y: str, lines: Sequence[Options]) -> Options:
         "animation": False,
         "grid": {"left": 52, "right": 58, "top": 30, "bottom": 42},
         "xAxis": axis | {"name": x, "nameLocation": "middle", "nameGap": 26, "min": "dataMin", "max": "dataMax",
-                         "axisLabel": text | {"showMaxLabel": False}},
+                         "axisLabel": text | {"showMaxLabel": False, "hideOverlap": True}},
         "yAxis": axis | {"name": y, "nameLocation": "end", "scale": True,
                          "nameTextStyle": text | {"align": "left", "padding": [0, 0, 0, -40]}},
         "series": list(lines),

@@ -19,7 +19,14 @@ from heatertune.log.log_values import ABSOLUTE_ZERO_DEGC, MIN_SAMPLES
 from heatertune.model.findings import Finding
 from heatertune.model.statistics import Interval, sensor_step
 from heatertune.zones.network import ThermalNetwork, ZonePower, neighbours
-from heatertune.zones.network_fit import NetworkFit, NetworkProblem, ParameterLayout, fit_supply, most_below
+from heatertune.zones.network_fit import (
+    NetworkFit,
+    NetworkProblem,
+    ParameterLayout,
+    fit_supply,
+    most_below,
+    variance_inflation,
+)
 
 __all__ = ["FittedNetwork", "ParameterLayout", "ZoneLog", "fit_network", "network_by_hand"]
 
@@ -36,6 +43,7 @@ _FROM_REST: Final = "log a step of each zone's power, one after the other, each 
 _GAP_TIMES: Final = 5.0  # intervals without a row are a gap
 _MOST_GAPS: Final = 3  # that are looked at, the longest
 _MOST_ON_SUPPLY: Final = 4  # zones for which a shared supply is looked for
+_COLOURED: Final = 4.0  # inflation of intervals by slow errors beyond which a log has more to explain
 _WIDE: Final = 4.0  # ratio of an interval's ends above which the log bounds nothing
 
 
@@ -270,8 +278,7 @@ def fit_network(
                              "step of the power of each zone, one after the other")
     fitted = _fit(log, structure)
     if any(finding.name == "poor-fit" for finding in fitted.findings):
-        hidden = tuple(_hidden_powers(log, structure))
-        fitted = replace(fitted, findings=(*hidden, *fitted.findings))
+        fitted = replace(fitted, findings=(*_hidden_powers(log, structure), *fitted.findings))
     return fitted
 
 
@@ -301,8 +308,9 @@ def _result_or_error(log: ZoneLog, problem: NetworkProblem, fit: NetworkFit) -> 
 
 
 def _is_unexplained(result: FittedNetwork | InputError) -> bool:
-    return isinstance(result, InputError) or any(
-        finding.name in ("poor-fit", "contradicted") for finding in result.findings)
+    if isinstance(result, InputError) or max(map(variance_inflation, result.residuals_degC.T)) > _COLOURED:
+        return True
+    return any(finding.name in ("poor-fit", "contradicted") for finding in result.findings)
 
 
 def _with_shared_supply(
@@ -316,10 +324,8 @@ def _with_shared_supply(
         fit: without second lags, from which the search begins.
         best: fit without a shared supply.
     """
-    if len(log.zones) > _MOST_ON_SUPPLY:
-        return None
-    supply = fit_supply(problem, fit)
-    if not supply.explains_more(best):
+    supply = fit_supply(problem, fit) if len(log.zones) <= _MOST_ON_SUPPLY else None
+    if supply is None or not supply.explains_more(best):
         return None
     result = _result_or_error(log, supply.problem, supply.whole)
     if isinstance(result, InputError) or any(finding.name == "poor-fit" for finding in result.findings):
@@ -370,11 +376,12 @@ def _is_explained(log: ZoneLog, structure: str | None) -> bool:
 def _result(log: ZoneLog, problem: NetworkProblem, fit: NetworkFit) -> FittedNetwork:
     readings, (own, _), covariance = problem.readings, fit.layout.parts(fit.values), problem.covariance(fit)
     reach = _NORMAL * np.sqrt(np.diag(covariance)[: own.size].reshape(own.shape)[:, :2])
-    longest = math.log(_LONGEST_LAG * float(np.ptp(log.time_s)))
-    known = np.all(reach < math.log(_NO_HEATER), axis=1) & (own[:, 1] < longest)
+    known = np.all(reach < math.log(_NO_HEATER), axis=1) & (own[:, 1] < math.log(_LONGEST_LAG * np.ptp(log.time_s)))
     for zone, ambient, is_known in zip(log.zones, own[:, 3], known, strict=True):
         if ambient < ABSOLUTE_ZERO_DEGC or not is_known:
-            cause = "; ".join(problem.misread_powers(log.zones))
+            clocks = [f"{each.message}: log dates, or all zones in one file, if they do not begin at the same instant"
+                      for each in log.findings if each.name == "one-clock"]
+            cause = "; ".join([*clocks, *problem.misread_powers(log.zones)])
             raise InputError(f"{log.name}: the log does not show the heater of zone {zone!r}: {cause or _FROM_REST}")
     error = np.sqrt(np.sum(fit.residuals**2, axis=0) / np.sum((readings - readings.mean(axis=0)) ** 2, axis=0))
     fit_pct = tuple(100.0 * (1.0 - error))

@@ -38,17 +38,8 @@ from heatertune.zones.joint_kernel import (
 from heatertune.zones.network import ThermalNetwork
 
 __all__ = [
-    "JointTrace",
-    "ZoneEvent",
-    "ZoneLoop",
-    "bound_kernel",
-    "event_arrays",
-    "memory_at_rest",
-    "nested_pairs",
-    "network_arrays",
-    "offsets_for",
-    "residual_error_degC",
-    "run_zones",
+    "JointTrace", "ZoneEvent", "ZoneLoop", "bound_kernel", "event_arrays", "memory_at_rest", "nested_pairs",
+    "network_arrays", "offsets_for", "residual_error_degC", "run_zones",
 ]
 
 _MOST_PLAIN: Final = 20_000  # scans of all zones that take as long as to compile the kernel

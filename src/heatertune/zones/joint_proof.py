@@ -336,7 +336,7 @@ def prove_zones(
     if staggered:
         offsets = offsets_for(np.array([*likely, *held[1:]]), actuator.pwm_period_s, actuator.resolution_s)
     prover = _Prover(design, fitted, specification, ZoneLoop(words=design.words, actuator=actuator, offsets_s=offsets))
-    criteria, traces, runs = prover.static(held), list[JointTrace](), list[str]()
+    criteria, traces, runs = prover.static([network for _, network in networks], held), list[JointTrace](), list[str]()
     criteria += prover.residual_errors(prover.settings(asked.switches))
     unrun = len(criteria)
     planned = list(prover.runs(networks, asked.switches))
@@ -444,8 +444,8 @@ class _Prover:
             self._residual_errors[key] = np.array([residual_error_degC(words, setting) for words in self.design.words])
         return self._residual_errors[key]
 
-    def static(self, powers_pct: Sequence[Array]) -> list[JointCriterion]:
-        """Return the criteria that need no run: margins, and the power that holds the setpoints."""
+    def static(self, networks: Sequence[ThermalNetwork], powers_pct: Sequence[Array]) -> list[JointCriterion]:
+        """Return the criteria that need no run: margins, and the power that holds the setpoints of each network."""
         design, where = self.design, "all plausible networks"
         most, least = max(map(np.max, powers_pct)), min(map(np.min, powers_pct))
         held = where
@@ -460,10 +460,12 @@ class _Prover:
             JointCriterion(name=HOLDING_POWERS[0], value=float(most), limit=100.0 - RESERVE_PCT,
                            where=held)]
         if least < 0.0:
-            zone = self.zones[int(np.argmin(min(powers_pct, key=np.min)))]
-            criteria.append(JointCriterion(
-                name=HOLDING_POWERS[1], value=-float(least), limit=0.0,
-                where=f"zone {zone}: its neighbours heat it beyond its setpoint; raise it, or lower theirs"))
+            cold = int(np.argmin(min(powers_pct, key=np.min)))
+            rise = max((_IDLE_PCT - power[cold]) * network.neighbours_held(cold).gain_degC_per_pct
+                       for network, power in zip(networks, powers_pct, strict=True))
+            criteria.append(JointCriterion(name=HOLDING_POWERS[1], value=-float(least), limit=0.0, where=(
+                f"zone {self.zones[cold]}: its neighbours heat it beyond its setpoint; raise it to "
+                f"{math.ceil(self.setpoints[cold] + rise)} °C, or lower theirs")))
         return criteria
 
     def runs(self, networks: Sequence[tuple[str, ThermalNetwork]], stated: Mapping[str, str]) -> Iterator[

@@ -23,15 +23,7 @@ from heatertune.errors import InputError, OutOfRange
 from heatertune.model.model_values import Fopdt, HeaterModel, TwoLag
 from heatertune.units import check
 
-__all__ = [
-    "Modes",
-    "ThermalNetwork",
-    "ZonePower",
-    "modes_of",
-    "neighbours",
-    "simulate_many",
-    "simulate_network",
-]
+__all__ = ["Modes", "ThermalNetwork", "ZonePower", "modes_of", "neighbours", "simulate_many"]
 
 Complex = npt.NDArray[np.complex128]
 
@@ -298,22 +290,6 @@ class ZonePower(NamedTuple):
         """Return the power behind a dead time and a lag at an instant, settled before the first change [%]."""
         since = np.maximum(instant_s - dead_s - self.instants_s, 0.0)
         return self.first_pct - float(self.changes_pct @ np.expm1(-since / lag_s))
-
-
-def simulate_network(
-    modes: Modes, dead_times_s: Array, start_degC: Array, time_s: Array, courses: Sequence[ZonePower]
-) -> Array:
-    """Return the temperatures of all zones at the instants, shape (len(time_s), n) [°C]; see `simulate_many`.
-
-    Args:
-        modes: of the network.
-        dead_times_s: of the zones, shape (n,) [s].
-        start_degC: temperatures at the first instant, shape (n,) [°C].
-        time_s: instants, increasing, shape (N,) [s].
-        courses: power of each zone.
-    """
-    (temperatures,) = simulate_many([(modes, dead_times_s, start_degC)], time_s, courses)
-    return np.asarray(temperatures)
 
 
 def simulate_many(

@@ -1,7 +1,8 @@
 """The fit of a thermal network to the readings of all zones at once, with the network's exact solution (output error).
 
-A linear least-squares fit of the integrated heat balance, zone by zone, gives the start. The intervals take the
-autocorrelation of each zone's residuals into account, and the instants of the changes of power between two rows.
+A linear least-squares fit of the integrated heat balance, zone by zone, gives the start. The intervals take the slow
+part of each zone's residuals into account, the instants of the changes of power between two rows, and by how much the
+halves of the log differ.
 
 Heaters on one supply: while another zone's heater is on, the voltage sags and a heater gives less power.
 
@@ -14,7 +15,7 @@ of supply and wires. u_i·u_j is the share of the time in which two PWMs of diff
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from operator import attrgetter
@@ -26,11 +27,13 @@ import numpy.typing as npt
 from heatertune.arrays import Array
 from heatertune.log.log_values import ABSOLUTE_ZERO_DEGC
 from heatertune.model.findings import Finding
+from heatertune.model.power.uncertainty import LEAST_FREEDOM, colour
+from heatertune.model.statistics import student_t
 from heatertune.zones.network import Modes, ThermalNetwork, ZonePower, modes_of, neighbours, simulate_many
 
 __all__ = [
-    "NetworkFit", "NetworkProblem", "ParameterLayout", "SupplyFit", "explanation_gain", "fit_supply", "most_below",
-    "power_courses", "variance_inflation",
+    "NetworkFit", "NetworkProblem", "ParameterLayout", "SupplyFit", "explanation_gain", "fit_supply",
+    "long_run_variance", "most_below", "power_courses", "variance_inflation",
 ]
 
 
@@ -45,6 +48,9 @@ _CHANGES: Final = 60  # of a zone's power, the largest, whose instants are fitte
 _ROUNDS: Final = 3  # of that fit
 _BELOW: Final = 0.4  # exchange below 0 that a fit may try, of all neighbours of a zone
 _LEAST_SHOWN: Final = 1e-14  # of a direction of the parameters, relative to what the log shows of each
+_HALF_SHOWN: Final = 0.01  # of what the log shows of a direction: a half that shows less has no say
+_MEANS_OF: Final = (1, 2, 4)  # rows, whose correlation is looked at
+_LEAST_MEANS: Final = 6.0  # for each parameter
 _KNOWN: Final = 10.0  # ratio of an end of a lag's interval to the lag, beyond which the log does not show it
 _OTHERS: Final = 0.25  # of the squares that no power, or the own one, leaves: less shows what heats or cools a zone
 #: share of a heater's power that others may take
@@ -84,6 +90,11 @@ class ParameterLayout(NamedTuple):
         """Return the parameters of the couplings, shape (c,)."""
         first = self.size * self.per_zone
         return values[first: first + len(self.pairs)]
+
+    def moving(self, zone: int, count: int) -> list[int]:
+        """Return the places of the parameters of a zone, of its couplings, and of the shares among `count`."""
+        coupled = [self.size * self.per_zone + place for place, pair in enumerate(self.pairs) if pair[0] == zone]
+        return [*range(zone * self.per_zone, (zone + 1) * self.per_zone), *coupled, *range(self.first_share, count)]
 
     @property
     def first_share(self) -> int:
@@ -264,26 +275,9 @@ class NetworkProblem:
 
     def fit(self, layout: ParameterLayout, start: Array) -> NetworkFit:
         """Return the least-squares fit by Levenberg and Marquardt's method, from parameters of shape (p,)."""
-        values, damping = start, 1e-3
-        residuals = self.readings - self.simulate(layout, [values])[0]
-        for _ in range(_MOST_STEPS):
-            weights = 1.0 / np.maximum(residuals.std(axis=0), 1e-6)
-            jacobian = self.jacobian(layout, values)
-            weighted = (jacobian * weights[:, None]).reshape(-1, len(values))
-            target = (residuals * weights).ravel()
-            cost, moved = float(target @ target), False
-            normal, slope = weighted.T @ weighted, weighted.T @ target
-            for _ in range(8):
-                step = np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), slope)
-                tried = self.within_limits(layout, values, step)
-                errors = self.readings - self.simulate(layout, [tried])[0]
-                if np.all(np.isfinite(errors)) and float(np.sum((errors * weights) ** 2)) < cost:
-                    gained = cost - float(np.sum((errors * weights) ** 2))
-                    values, residuals, damping, moved = tried, errors, damping / 5.0, True
-                    break
-                damping *= 6.0
-            if not moved or gained < 1e-6 * cost:
-                break
+        values, residuals = _least_squares(
+            start, lambda each: self.readings - self.simulate(layout, [each])[0], partial(self.jacobian, layout),
+            lambda each, *system: self.within_limits(layout, each, np.asarray(np.linalg.solve(*system))), _MOST_STEPS)
         return NetworkFit(layout, values, residuals, self.jacobian(layout, values))
 
     def within_limits(self, layout: ParameterLayout, values: Array, step: Array) -> Array:
@@ -314,18 +308,40 @@ class NetworkProblem:
         return np.asarray(np.moveaxis((found[1:] - found[0]) / size[:, None, None], 0, 2))
 
     def covariance(self, fit: NetworkFit) -> Array:
-        """Return the covariance of the parameters, shape (p, p): of correlated noise, and of when the power changed."""
-        freedom = len(fit.residuals) - len(fit.values) / fit.layout.size
-        variance = np.sum(fit.residuals**2, axis=0) / freedom
-        inflated = variance * np.array([variance_inflation(each) for each in fit.residuals.T])
-        weighted = (fit.jacobian / np.sqrt(inflated)[:, None]).reshape(-1, fit.jacobian.shape[-1])
-        scale = np.sqrt(np.sum(weighted**2, axis=0)) + 1e-30
-        weighted /= scale
-        late = (self.late_changes(fit) / np.sqrt(inflated)[:, None]).reshape(len(weighted), -1)
-        normal, crossed = weighted.T @ weighted, weighted.T @ late
-        normal -= crossed @ np.linalg.solve(late.T @ late + self._prior(), crossed.T)
+        """Return the covariance of the parameters, shape (p, p): of slow errors, and of when the power changed.
+
+        It is as much larger as the halves of the log differ more than their errors explain (Birge's ratio).
+        """
+        count, layout = fit.jacobian.shape[-1], fit.layout
+        errors = np.sqrt([long_run_variance(left, fit.jacobian[:, zone, layout.moving(zone, count)])
+                          for zone, left in enumerate(fit.residuals.T)])
+        columns = np.dstack([fit.jacobian, self.late_changes(fit), fit.residuals]) / np.maximum(errors, 1e-9)[:, None]
+        scale = np.sqrt(np.sum(columns[:, :, :count] ** 2, axis=(0, 1))) + 1e-30
+        columns[:, :, :count] /= scale
+        halves = [half.T @ half for half in (
+            part.reshape(-1, columns.shape[-1]) for part in np.array_split(columns, 2))]
+        normal, slope = self._without_late(halves[0] + halves[1], count)
         values, vectors = np.linalg.eigh(normal)  # what the log does not show has a variance without end, not none
-        return np.asarray((vectors / np.maximum(values, _LEAST_SHOWN)) @ vectors.T / np.outer(scale, scale))
+        root = vectors / np.sqrt(np.maximum(values, _LEAST_SHOWN))
+        step, apart, explained = root @ (root.T @ slope), 0.0, 1.0
+        for normal, slope in (self._without_late(half, count) for half in halves):
+            shown, turned = np.linalg.eigh(root.T @ normal @ root)
+            shown = np.clip(shown, 0.0, 1.0)
+            apart += float(np.sum(((slope - normal @ step) @ root @ turned) ** 2 / (shown + _HALF_SHOWN)))
+            explained += float(np.sum(shown * (1.0 - shown) / (shown + _HALF_SHOWN)))
+        return np.asarray(max(apart / explained, 1.0) * (root @ root.T) / np.outer(scale, scale))
+
+    def _without_late(self, products: Array, count: int) -> tuple[Array, Array]:
+        """Return normal matrix and slope of the first parameters, whenever the power changed between its rows.
+
+        Args:
+            products: of the derivatives by parameters and instants, and of the residuals, shape (m, m).
+            count: number of parameters.
+        """
+        late = slice(count, -1)
+        gain = np.linalg.solve(products[late, late] + self._prior(), products[late])
+        left = products - products[:, late] @ gain
+        return left[:count, :count], left[:count, -1]
 
     def _prior(self) -> Array:
         """Return what is known of the instants of changes: any one since the row before, variance interval²/12."""
@@ -418,6 +434,61 @@ class NetworkProblem:
         """Return whether a fit with second lags tells the size of each lag."""
         own = np.diag(self.covariance(fit))[: fit.layout.size * fit.layout.per_zone].reshape(fit.layout.size, -1)
         return bool(np.all(_NORMAL * np.sqrt(own[:, [1, 5]]) < math.log(_KNOWN)))
+
+
+def _least_squares(
+    start: Array, residuals_of: Callable[[Array], Array], jacobian_of: Callable[[Array], Array],
+    step_within: Callable[[Array, Array, Array], Array], most_steps: int,
+) -> tuple[Array, Array]:
+    """Return parameters, shape (p,), and residuals, shape (N, n), by Levenberg and Marquardt's method.
+
+    Args:
+        start: parameters where the search begins.
+        residuals_of: parameters → readings less temperatures, shape (N, n).
+        jacobian_of: parameters → derivatives of the temperatures, shape (N, n, p).
+        step_within: parameters, damped normal matrix and slope → parameters a step further, within their limits.
+        most_steps: at most so many.
+    """
+    values, damping = start, 1e-3
+    residuals = residuals_of(values)
+    for _ in range(most_steps):
+        weights = 1.0 / np.maximum(residuals.std(axis=0), 1e-6)
+        weighted = (jacobian_of(values) * weights[:, None]).reshape(-1, len(values))
+        target, gained = (residuals * weights).ravel(), 0.0
+        normal, slope, cost = weighted.T @ weighted, weighted.T @ target, float(target @ target)
+        for _ in range(8):
+            tried = step_within(values, normal + damping * np.diag(np.diag(normal) + 1e-12), slope)
+            errors = residuals_of(tried)
+            gained = cost - float(np.sum((errors * weights) ** 2))
+            if np.all(np.isfinite(errors)) and gained > 0.0:
+                values, residuals, damping = tried, errors, damping / 5.0
+                break
+            damping *= 6.0
+        if not gained > 1e-6 * cost:
+            break
+    return values, residuals
+
+
+def long_run_variance(residuals: Array, moves: Array) -> float:
+    """Return the variance of white noise that would leave parameters as uncertain as the slow part of residuals does.
+
+    Quick noise hides slow errors from the correlation of neighbours, so means of several rows are looked at, too. A
+    fit follows slow errors, which its residuals then lack; few rows that differ bound a variance badly (Student's t).
+
+    Args:
+        residuals: of a zone, shape (N,) [°C].
+        moves: derivatives of its temperature by its own parameters, shape (N, p).
+    """
+    found = []
+    for rows in _MEANS_OF:
+        count = len(residuals) // rows
+        if rows == 1 or count >= _LEAST_MEANS * moves.shape[1]:
+            means = residuals[: count * rows].reshape(count, rows).mean(axis=1)
+            base, _ = np.linalg.qr(moves[: count * rows].reshape(count, rows, -1).mean(axis=1))
+            rho, variance = colour(means, base)
+            found.append(rows * variance * (1.0 + rho) / (1.0 - rho))
+    freedom = float(residuals @ residuals) / max(*found, 1e-30) - moves.shape[1]
+    return max(found) * (student_t(max(freedom, LEAST_FREEDOM)) / _NORMAL) ** 2
 
 
 def explanation_gain(fit: NetworkFit, wider: NetworkFit) -> float:
@@ -535,23 +606,9 @@ def _with_shares(problem: NetworkProblem, shares: Array) -> NetworkProblem:
 def _refined(problem: NetworkProblem, fit: NetworkFit, shares: Array) -> SupplyFit:
     """Return the fit of parameters and shares together, by Levenberg and Marquardt's method."""
     layout, count = fit.layout, len(fit.values)
-    both, damping = np.concatenate([fit.values, shares]), 1e-3
-    residuals = _residuals(problem, layout, both)
-    for _ in range(_MOST_SUPPLY_STEPS):
-        weights = 1.0 / np.maximum(residuals.std(axis=0), 1e-6)
-        weighted = (_jacobian(problem, layout, both) * weights[:, None]).reshape(-1, len(both))
-        target, gained = (residuals * weights).ravel(), 0.0
-        normal, slope, cost = weighted.T @ weighted, weighted.T @ target, float(target @ target)
-        for _ in range(8):
-            tried = _step_within(problem, layout, both, normal + damping * np.diag(np.diag(normal) + 1e-12), slope)
-            errors = _residuals(problem, layout, tried)
-            gained = cost - float(np.sum((errors * weights) ** 2))
-            if np.all(np.isfinite(errors)) and gained > 0.0:
-                both, residuals, damping = tried, errors, damping / 5.0
-                break
-            damping *= 6.0
-        if not gained > 1e-6 * cost:
-            break
+    both, residuals = _least_squares(
+        np.concatenate([fit.values, shares]), partial(_residuals, problem, layout), partial(_jacobian, problem, layout),
+        partial(_step_within, problem, layout), _MOST_SUPPLY_STEPS)
     jacobian = _jacobian(problem, layout, both)
     own = _with_shares(problem, both[count:])
     found = NetworkFit(layout, both[:count], residuals, jacobian)
