@@ -117,7 +117,7 @@ def _table(samples: Mapping[str, Any]) -> str:
 
 _LOOP_CARD_HEIGHT_PX: Final = 500
 _KEPT: Final = 8
-_REST_S: Final = 0.3  # a verdict is read first; a design that moved on by then wants no picture of all its runs
+_REST_S: Final = 0.3  # a verdict is read first; a design that moved on by then wants no finer picture
 #: of the last proofs; every window shows the same ones
 _pictures: dict[int, tuple[Proof, Picture]] = {}
 #: on their way, number of the proof → its picture
@@ -137,6 +137,7 @@ class LoopCard:
     def __init__(self) -> None:
         self._shown: tuple[object, ...] = ()
         self._picture: Picture | None = None
+        self._coarse = False
         self._untold: Callable[[], object] = bool
         _cards.add(self)
         self._zooms: list[tuple[str, float, float]] = []
@@ -162,8 +163,8 @@ class LoopCard:
         if not (verdict_alone and picture is self._picture):
             self._draw(look, picture, pinned, coarse=known is None)
         self._untold = partial(self._tell, look, proof, picture, pinned)
-        if proof is not None and known is None:
-            background_tasks.create(self._with_all_runs(wanted, look, proof, pinned))
+        if known is None:
+            background_tasks.create(self._refine(wanted, look, proof, pinned))
 
     def tell(self) -> None:
         """Tell what is drawn in words and numbers, if that was not done."""
@@ -178,11 +179,14 @@ class LoopCard:
         """Return whether this is the proof that is seen."""
         return len(self._shown) > 1 and self._shown[1] is proof
 
-    async def _with_all_runs(
-        self, shown: tuple[object, ...], look: LoopView, proof: Proof, pinned: Sequence[PinnedDesign]
+    async def _refine(
+        self, shown: tuple[object, ...], look: LoopView, proof: Proof | None, pinned: Sequence[PinnedDesign]
     ) -> None:
+        """Draw a loop at rest so that it bears a zoom, then every run of its proof."""
         await asyncio.sleep(_REST_S)
-        while self._shown is shown:
+        if self._shown is shown and self._coarse and self._picture is not None:
+            self._draw(look, self._picture, pinned)
+        while proof is not None and self._shown is shown:
             try:
                 picture = await _picture_with_all_runs(proof)
             except _WindowGone:  # and wanted again meanwhile
@@ -195,7 +199,7 @@ class LoopCard:
     def _draw(
         self, look: LoopView, picture: Picture, pinned: Sequence[PinnedDesign], *, coarse: bool = False
     ) -> None:
-        self._picture = picture
+        self._picture, self._coarse = picture, coarse
         draw(self._chart, _loop_chart(look, picture, tuple(pinned), coarse=coarse))
 
     def _tell(self, look: LoopView, proof: Proof | None, picture: Picture, pinned: Sequence[PinnedDesign]) -> None:
@@ -397,9 +401,23 @@ class Page:
         ui.add_head_html(_PROGRAM.replace("UPLOAD", str(self._upload.id)))
         self._upload.client.run_javascript(_DRAWER)
         self.show()
-        work.follow(self)
-        self._upload.client.on_delete(lambda: work.forget(self))
+        self._upload.client.on_connect(self._follow)
+        self._upload.client.on_disconnect(self._forget)
+        self._upload.client.on_delete(self._forget)  # of a page that never was connected
         background_tasks.create(self.work.go_on())
+
+    def _follow(self) -> None:
+        """Follow the session once a browser is connected, again after it was not."""
+        self.work.forget(self)  # it may connect again before its old connection is found dead
+        self.work.follow(self)
+        self.show()
+
+    def _forget(self) -> None:
+        """Leave a page whose browser is gone: nothing is drawn for it, and no task draws into a deleted page."""
+        if not self._upload.client.has_socket_connection:
+            self.work.forget(self)
+            self._loop.leave()
+            self._seen = None
 
     def _build_results(self) -> None:
         self._error = ui.label().classes("card error wide").props("role=alert data-field=error")
