@@ -184,8 +184,10 @@ class LoopCard:
     ) -> None:
         """Draw a loop at rest so that it bears a zoom, then every run of its proof."""
         await asyncio.sleep(_REST_S)
-        if self._shown is shown and self._coarse and self._picture is not None:
-            self._draw(look, self._picture, pinned)
+        if self._shown is shown and self._coarse and (picture := self._picture) is not None:
+            await asyncio.to_thread(_loop_chart, look, picture, tuple(pinned), coarse=False)  # the wish is run, too
+            if self._shown is shown:
+                self._draw(look, picture, pinned)
         while proof is not None and self._shown is shown:
             try:
                 picture = await _picture_with_all_runs(proof)
@@ -568,6 +570,11 @@ class Page:
         else:
             self._loop.leave()
         self._show_pinned()
+
+    def show_move(self) -> None:
+        """Show that settings moved: what is seen is grey until `show`."""
+        self._grey.wait()
+        self._controls.show_move(self.session.settings)
 
     def show_loop(self, look: LoopView) -> None:
         """Draw a loop alone, the newest while a slider moves on: what is told beside it takes a browser longer."""

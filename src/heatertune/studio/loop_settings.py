@@ -206,7 +206,6 @@ class LoopView:
         realised: the design as the words realise it; None where the controller is no PID.
         plants: heaters for which `margins` are.
         proof: on the nominal heater under default settings of the switches: no verdict on the words.
-        wish: the unrounded design on the same heater; None for a controller that is no PID.
     """
 
     settings: StudioSettings
@@ -214,7 +213,14 @@ class LoopView:
     realised: PidDesign | None
     plants: tuple[HeaterModel, ...]
     proof: Proof
-    wish: Trace | None
+
+    @cached_property
+    def wish(self) -> Trace | None:
+        """The unrounded design on the same heater; None for a controller that is no PID."""
+        proof, nominal = self.proof, self.proof.nominal
+        return None if self.realised is None else simulate_wish(
+            self.gains.design, nominal.model, nominal.scenario, nominal.actuator,
+            ramp_degC_per_min=proof.ramp_degC_per_min if proof.words.ramp else math.inf, hold_degC=proof.hold_degC)
 
     @cached_property
     def margins(self) -> Margins | None:
@@ -250,13 +256,8 @@ def first_look(fitted: FittedModel, settings: StudioSettings, gains: CandidateWo
     """
     gains = gains or _quick(fitted, settings)
     proof = chain.prove(gains.words, fitted, gains.conditions or settings.conditions, first_look=True)
-    real, nominal = proof.design, proof.nominal
     return LoopView(
-        settings=settings, gains=gains, realised=real, proof=proof, plants=_plants(fitted, settings),
-        wish=None if real is None else simulate_wish(
-            gains.design, nominal.model, nominal.scenario, nominal.actuator,
-            ramp_degC_per_min=proof.ramp_degC_per_min if proof.words.ramp else math.inf, hold_degC=proof.hold_degC),
-    )
+        settings=settings, gains=gains, realised=proof.design, proof=proof, plants=_plants(fitted, settings))
 
 
 def optimum(fitted: FittedModel, settings: StudioSettings, progress: ProgressCallback = str) -> CandidateWords:

@@ -102,6 +102,7 @@ Line = tuple[npt.NDArray[Any], Array]
 
 _PIXELS: Final = 3000  # of the whole story, which is zoomed to a tenth
 _DENSE: Final = 100 * _PIXELS  # stretches of a run: with more of them no tooth of its PWM is seen
+_SCANS: Final = 10 * _PIXELS  # and as many switchings are looked at of a loop in motion
 _PIXELS_BEHIND: Final = 700  # of a run that is seen in a crowd
 _WITHIN: Final = 0.008  # of the temperature's span: two pixels of a picture 250 high
 _REST_SEEN: Final = 0.05  # of a time at rest, before the picture is torn
@@ -216,12 +217,16 @@ def picture_of(proof: Proof, before_run: Callable[[], object] = bool) -> Picture
                    parts=tuple(parts_of(proof.nominal, proof)), torn=gone, fails=fails)
 
 
-def course_of(trace: Trace, proof: Proof, pixels: int = _PIXELS) -> Line:
+def course_of(trace: Trace, proof: Proof, pixels: int = _PIXELS, *, coarse: bool = False) -> Line:
     """Return a run's temperature as a picture of so many pixels shows it, of shape (n,).
 
-    Its extremes are exact, but for the ripple of a PWM that is too fast to be seen.
+    Its extremes are exact, but for the ripple of a PWM that is too fast to be seen; `coarse`: those between two scans
+    or switchings are not looked for.
     """
-    time, temperature = trace.course(0.0, float(trace.time_s[-1]), most=_DENSE)
+    if coarse:
+        time, temperature = _without_search(trace)
+    else:
+        time, temperature = trace.course(0.0, float(trace.time_s[-1]), most=_DENSE)
     jumps = np.array([event.time_s for event in trace.scenario.disturbances])
     places = np.searchsorted(time, jumps)
     time = np.insert(time, places, jumps)
@@ -231,6 +236,18 @@ def course_of(trace: Trace, proof: Proof, pixels: int = _PIXELS) -> Line:
     time, temperature = time[seen], temperature[seen]
     kept = downsample(_place(time, gone), temperature, pixels)
     return time[kept], temperature[kept]
+
+
+def _without_search(trace: Trace) -> Line:
+    """Return a run at its scans and where its stretches begin, of shape (n,): what is known of it already."""
+    parts = []
+    for instants, values in ((trace.stretches[:, 0], trace.stretches[:, 1]), (trace.time_s, trace.temperature_degC)):
+        kept = slice(None, None, math.ceil(len(instants) / _SCANS))
+        parts.append((instants[kept], values[kept]))
+    time, temperature = (np.concatenate(column) for column in zip(*parts, strict=True))
+    order = np.argsort(time, kind="stable")
+    inside = order[time[order] <= trace.time_s[-1]]
+    return time[inside], temperature[inside]
 
 
 def parts_of(trace: Trace, proof: Proof) -> list[PicturePart]:
