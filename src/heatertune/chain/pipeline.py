@@ -25,6 +25,7 @@ from heatertune.chain.stages import export, fit
 from heatertune.codec import DATA, Document, data_folder, decode, encode, plain, read_document, to_json
 from heatertune.errors import ExportRefused, InputError
 from heatertune.log import read_log
+from heatertune.log.formats.printer_logs import names_of
 from heatertune.log.log_values import Log
 from heatertune.model import model_document
 from heatertune.model.disturbance import DisturbanceEffect
@@ -356,11 +357,15 @@ def _requested(request: DesignRequest | None, keywords: Keywords) -> DesignReque
 def _of_its_heater(request: DesignRequest, log: Log) -> DesignRequest:
     """Return the request with the heater of a printer that the log is of, stated (`--tag`) or the one that was read."""
     open_ = next((each for each in controller_for(request.target).switches if each.name == "heater"), None)
-    tag = None if log.taken is None else log.taken.reading.get("tag")
+    reading = {} if log.taken is None else log.taken.reading
     known = request.conditions.switches
-    if open_ is None or open_.name in known or tag not in open_.settings:
+    if open_ is None or open_.name in known or "tag" not in reading:
         return request
-    return replace(request, conditions=replace(request.conditions, switches={**known, open_.name: str(tag)}))
+    names = names_of(str(reading["tag"]), str(reading.get("power_column", "")))
+    heater = next((name for name in names if name in open_.settings), None)
+    if heater is None:
+        return request
+    return replace(request, conditions=replace(request.conditions, switches={**known, open_.name: heater}))
 
 
 def _shown(
