@@ -47,7 +47,7 @@ from heatertune.processors import ProgressCallback, log_progress
 from heatertune.proof import Proof
 from heatertune.proof.as_left import AS_LEFT_SCHEMA, AsLeft, as_left
 from heatertune.proof.comparison import paper_runs, price_of_doubt, rivals
-from heatertune.proof.design_request import DesignRequest, DesignResult, with_printer_range
+from heatertune.proof.design_request import DesignRequest, DesignResult, with_heater, with_printer_range
 from heatertune.proof.difference import WRITTEN_SCHEMA, WriteHistory
 from heatertune.proof.feed_forward_check import FeedForwardProof, PlainLoop, prove_feed_forward
 from heatertune.proof.folder_digest import DIGEST_FILE, demand_one_design, folder_digest
@@ -356,16 +356,9 @@ def _requested(request: DesignRequest | None, keywords: Keywords) -> DesignReque
 
 def _of_its_heater(request: DesignRequest, log: Log) -> DesignRequest:
     """Return the request with the heater of a printer that the log is of, stated (`--tag`) or the one that was read."""
-    open_ = next((each for each in controller_for(request.target).switches if each.name == "heater"), None)
-    reading = {} if log.taken is None else log.taken.reading
-    known = request.conditions.switches
-    if open_ is None or open_.name in known or "tag" not in reading:
-        return request
-    names = names_of(str(reading["tag"]), str(reading.get("power_column", "")))
-    heater = next((name for name in names if name in open_.settings), None)
-    if heater is None:
-        return request
-    return replace(request, conditions=replace(request.conditions, switches={**known, open_.name: heater}))
+    names = () if log.taken is None else names_of(log.taken.reading)
+    known = with_heater(request.conditions.switches, request.target, names)
+    return replace(request, conditions=replace(request.conditions, switches=known))
 
 
 def _shown(

@@ -26,7 +26,7 @@ from heatertune.plc.word_selection import search_document
 from heatertune.plc.words import with_pwm_period
 from heatertune.processors import ProgressCallback
 from heatertune.proof import Proof, Trace, simulate_wish
-from heatertune.proof.design_request import made_for
+from heatertune.proof.design_request import made_for, with_heater
 from heatertune.proof.heaters import default_setpoint, labelled_heaters
 from heatertune.proof.monte_carlo.run import sample_document
 from heatertune.proof.redesign import DesignRequest, DesignResult, find_passing_design
@@ -97,6 +97,7 @@ class StudioSettings:
         tolerance_degC: how far from the setpoint is still right [°C]; None: as the proof takes it.
         limits: of the proof that are other than its own, as "overshoot=24%".
         assumptions: open point of the controller's manual and the setting that is taken as known.
+        heaters: names of the heater that the log is of, for a controller that has several.
         switch_kind: one of `heatertune.proof.ripple_and_wear.SWITCHES`; it tells how long contacts last.
         spec: what words must keep, one of `heatertune.proof.specification.PRESETS`.
 
@@ -117,6 +118,7 @@ class StudioSettings:
     tolerance_degC: float | None = None
     limits: tuple[str, ...] = ()
     assumptions: tuple[tuple[str, str], ...] = ()
+    heaters: tuple[str, ...] = ()
     switch_kind: str = "ssr"
     spec: str = GENERAL
 
@@ -148,8 +150,8 @@ class StudioSettings:
         """What the proof assumes."""
         return Conditions(
             setpoint_degC=self.setpoint_degC, noise_degC=self.noise_degC, pwm_period_s=self.pwm_period_s,
-            tolerance_degC=self.tolerance_degC, limit=self.limits, switches=dict(self.assumptions),
-            spec=None if self.spec == GENERAL else self.spec)
+            tolerance_degC=self.tolerance_degC, limit=self.limits, spec=None if self.spec == GENERAL else self.spec,
+            switches=with_heater(dict(self.assumptions), self.target, self.heaters))
 
     @property
     def tune_settings(self) -> TuneSettings:

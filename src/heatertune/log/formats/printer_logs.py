@@ -79,15 +79,15 @@ def heater_names(numbered: Sequence[Line]) -> list[str]:
     return [*_reports(numbered)[0]] if matching(_REPORT)(numbered) else []
 
 
-def names_of(tag: str, power_column: str) -> tuple[str, ...]:
-    """Return what firmwares call the heater of a log: itself, and its other names where the log is of a printer.
+def names_of(reading: Mapping[str, object]) -> tuple[str, ...]:
+    """Return what firmwares call the heater of a log, by how it was read: its tag, of a printer its other names, too.
 
-    Args:
-        tag: of the rows that were read.
-        power_column: of the log; a letter is a heater's name in a printer's reports only.
+    A letter is a heater's name in a printer's reports only.
     """
-    is_report = power_column.startswith("power [0...") or len(tag) > len("T0")
-    return (tag, *(name for names in _SAME if tag in names and is_report for name in names))
+    tag = str(reading.get("tag", ""))
+    is_report = str(reading.get("power_column", "")).startswith("power [0...") or len(tag) > len("T0")
+    own = (tag,) if tag else ()
+    return (*own, *(name for names in _SAME if tag in names and is_report for name in names))
 
 
 def _sessions(cells: Sequence[str]) -> list[tuple[float, int, int]]:
