@@ -33,15 +33,16 @@ window.studio = {
   moves: 0,
   waits: false,
   wait(waits) { this.waits = waits; this.paint(); },
-  hear(id, move) { getHtmlElement(id).dataset.heard = move; },
+  heard: 0,
+  hear(move) { this.heard = move; this.paint(); },
   move() { this.moves += 1; this.paint(); return this.moves; },
   seen() {
     const stale = document.documentElement.hasAttribute('data-stale');
-    return stale ? 0 : Number(document.querySelector('[data-heard]').dataset.number);
+    return stale ? 0 : Number(document.querySelector('[data-number]').dataset.number);
   },
   paint() {
-    const told = document.querySelector('[data-heard]')?.dataset;
-    const stale = !told || this.waits || told.computing === 'yes' || Number(told.heard) < this.moves;
+    const told = document.querySelector('[data-computing]')?.dataset;
+    const stale = !told || this.waits || told.computing === 'yes' || this.heard < this.moves;
     const areas = document.querySelectorAll(
       '[data-field=banner], [data-field=words], [data-field=as-left], [data-field=drawn]');
     for (const each of [document.documentElement, ...areas]) each.toggleAttribute('data-stale', stale);
@@ -60,7 +61,7 @@ window.studio = {
   },
 };
 new MutationObserver(() => studio.paint()).observe(
-  document, {subtree: true, childList: true, attributeFilter: ['data-heard', 'data-computing']});
+  document, {subtree: true, childList: true, attributeFilter: ['data-computing']});
 </script>"""
 # by each area's own attribute: a rule that begins at the root makes the browser look at every element again
 _LOOK: Final = """
@@ -85,12 +86,12 @@ class Grey:
         ui.add_head_html(_CLIENT)
         ui.add_css(_LOOK)
         self._heard = 0
-        self._told = ui.element("div").props("hidden data-heard=0 data-computing=yes data-number=0")
+        self._told = ui.element("div").props("hidden data-computing=yes data-number=0")
 
     def note_moves(self, move: int) -> None:
         """Take how many moves the browser has made, all of them heard by now."""
         self._heard = max(self._heard, move)
-        self._call(f"studio.hear({self._told.id}, {self._heard})")
+        self._call(f"studio.hear({self._heard})")
 
     def wait(self) -> None:
         """Tell that settings moved; `show` follows."""
