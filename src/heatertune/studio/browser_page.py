@@ -124,6 +124,7 @@ _pictures: dict[int, tuple[Proof, Picture]] = {}
 _drawn: dict[int, asyncio.Task[Picture]] = {}
 
 _first_picture = lru_cache(_KEPT)(picture_of)
+_failing_run = lru_cache(_KEPT)(partial(picture_of, crowd=False))
 _loop_chart = lru_cache(_KEPT)(charts.loop_chart)
 
 
@@ -185,18 +186,28 @@ class LoopCard:
         """Draw a loop at rest so that it bears a zoom, then every run of its proof."""
         await asyncio.sleep(_REST_S)
         if self._shown is shown and self._coarse and (picture := self._picture) is not None:
-            await asyncio.to_thread(_loop_chart, look, picture, tuple(pinned), coarse=False)  # the wish is run, too
-            if self._shown is shown:
-                self._draw(look, picture, pinned)
+            await self._show_picture(shown, look, proof, picture, pinned)
+        if proof is not None and proof.verdict == "FAIL" and self._shown is shown:
+            failing = await asyncio.to_thread(_failing_run, proof)  # before the others
+            await self._show_picture(shown, look, proof, failing, pinned)
         while proof is not None and self._shown is shown:
             try:
                 picture = await _picture_with_all_runs(proof)
             except _WindowGone:  # and wanted again meanwhile
                 continue
-            if self._shown is shown:
-                self._draw(look, picture, pinned)
-                self._tell(look, proof, picture, pinned)
+            await self._show_picture(shown, look, proof, picture, pinned)
             return
+
+    async def _show_picture(
+        self, shown: tuple[object, ...], look: LoopView, proof: Proof | None, picture: Picture,
+        pinned: Sequence[PinnedDesign],
+    ) -> None:
+        """Draw a picture finely, and tell what is in it, if its loop is still the one that is seen."""
+        if self._shown is shown:
+            await asyncio.to_thread(_loop_chart, look, picture, tuple(pinned), coarse=False)  # the wish is run, too
+        if self._shown is shown:
+            self._draw(look, picture, pinned)
+            self._tell(look, proof, picture, pinned)
 
     def _draw(
         self, look: LoopView, picture: Picture, pinned: Sequence[PinnedDesign], *, coarse: bool = False

@@ -195,16 +195,17 @@ class Picture:
         return _place(np.asarray(time, dtype=np.float64), self.torn)
 
 
-def picture_of(proof: Proof, before_run: Callable[[], object] = bool) -> Picture:
+def picture_of(proof: Proof, before_run: Callable[[], object] = bool, *, crowd: bool = True) -> Picture:
     """Return what a full proof's picture shows; it runs every loop of the proof once more.
 
     Args:
         proof: or a first look.
         before_run: called before each run is drawn; what it raises gives the picture up.
+        crowd: whether all runs are drawn, not the nominal and the worst alone.
     """
     lines: dict[bytes, Line] = {}
-    gone = torn(proof)
-    for run in range(len(proof.runs) if len(proof.runs) > 1 else 0):
+    gone, runs = torn(proof), len(proof.runs) if crowd else 1
+    for run in range(runs if runs > 1 else 0):
         before_run()
         time, temperature = course_of(proof.trace(run), proof, _PIXELS_BEHIND)
         kept = straight(_place(time, gone), temperature, _WITHIN * float(np.ptp(temperature)))
@@ -213,7 +214,7 @@ def picture_of(proof: Proof, before_run: Callable[[], object] = bool) -> Picture
     run = proof.worst_run
     worst = None if run == 0 else (proof.runs[run].label, course_of(proof.worst, proof))
     fails = worst is not None and proof.verdict == "FAIL"
-    return Picture(crowd=tuple(lines.values()), runs=len(proof.runs), worst=worst, walls=tuple(walls_of(proof, run)),
+    return Picture(crowd=tuple(lines.values()), runs=runs, worst=worst, walls=tuple(walls_of(proof, run)),
                    parts=tuple(parts_of(proof.nominal, proof)), torn=gone, fails=fails)
 
 
