@@ -172,7 +172,7 @@ def test_what_is_no_heater_is_refused_by_every_verb_with_the_way_to_one(model, g
     for verb in (ht.tune, ht.problem, lambda each: ht.loop(each, design)):
         with pytest.raises(InputError, match=f"no heater: {way_on}"):
             verb(given)
-    with pytest.raises(InputError, match="no heater: PidDesign; .* the model comes first, then the design"):
+    with pytest.raises(InputError, match=r"no heater: PidDesign; .* the model comes first, then the design"):
         ht.loop(design, model)
     with pytest.raises(InputError, match=r"no design: .*; expected what tune\(\) finds, or parameters of encode\(\)"):
         ht.loop(model, given)

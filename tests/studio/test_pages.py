@@ -120,10 +120,15 @@ def test_a_design_whose_proof_is_refused_bears_a_zoom(work, faults, monkeypatch)
         page, client = opened(work)
         connect(client)
         await work.look()
-        await asyncio.sleep(0.3)  # at rest, for longer than `_REST_S`
+        for _ in range(600):
+            if [line["name"] for line in drawn(client)[-1]["series"]][:2] == ["nominal run", "unrounded wish"]:
+                break
+            await asyncio.sleep(0.05)
         return page, drawn(client)
 
     page, pictures = told(story)
     assert page.session.verdict == "no design"
-    sizes = [sum(len(line["data"]) for line in picture["series"]) for picture in pictures]
-    assert sizes[-1] > 1.5 * sizes[-2], "coarse while it may move, fine at rest"
+    coarse, fine = ({line["name"]: len(line["data"]) for line in picture["series"]} for picture in pictures[-2:])
+    assert [*fine] == ["nominal run", "unrounded wish", "requested power"]
+    assert [*coarse] == ["nominal run", "requested power"], "while it may move"
+    assert fine["nominal run"] > 1.5 * coarse["nominal run"]

@@ -206,6 +206,12 @@ class _ResultNotNeeded(Exception):
     """Nobody wants the result any more."""
 
 
+def _note_end(task: asyncio.Task[Any]) -> None:
+    """Take the exception of a task, which nobody waits for any more where the studio ends meanwhile."""
+    if not task.cancelled():
+        task.exception()
+
+
 class Work:
     """The work of a session.
 
@@ -606,7 +612,7 @@ class Work:
                 return run(tell)
 
         task = asyncio.create_task(asyncio.to_thread(work))
-        task.add_done_callback(lambda ended: ended.cancelled() or ended.exception())  # of a page that ends meanwhile
+        task.add_done_callback(_note_end)
         while not task.done():
             self._moved.clear()
             unwanted = unwanted or not wanted()

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
@@ -185,18 +186,16 @@ class LoopCard:
     ) -> None:
         """Draw a loop at rest so that it bears a zoom, then every run of its proof."""
         await asyncio.sleep(_REST_S)
-        if self._shown is shown and self._coarse and (picture := self._picture) is not None:
-            await self._show_picture(shown, look, proof, picture, pinned)
-        if proof is not None and proof.verdict == "FAIL" and self._shown is shown:
-            failing = await asyncio.to_thread(_failing_run, proof)  # before the others
-            await self._show_picture(shown, look, proof, failing, pinned)
-        while proof is not None and self._shown is shown:
-            try:
-                picture = await _picture_with_all_runs(proof)
-            except _WindowGone:  # and wanted again meanwhile
-                continue
-            await self._show_picture(shown, look, proof, picture, pinned)
+        if self._coarse and self._picture is not None:
+            await self._show_picture(shown, look, proof, self._picture, pinned)
+        if proof is None or self._shown is not shown:
             return
+        if proof.verdict == "FAIL":  # before the others
+            await self._show_picture(shown, look, proof, await asyncio.to_thread(_failing_run, proof), pinned)
+        while self._shown is shown:
+            with suppress(_WindowGone):  # and wanted again meanwhile
+                await self._show_picture(shown, look, proof, await _picture_with_all_runs(proof), pinned)
+                return
 
     async def _show_picture(
         self, shown: tuple[object, ...], look: LoopView, proof: Proof | None, picture: Picture,
