@@ -178,7 +178,7 @@ _WORDS: Final[tuple[tuple[tuple[str, ...], str], ...]] = (
     (("ideal",), "the controller as designed, before rounding"),
     (("fit",), "share of the log's variation that the model explains, in percent"),
     (("BIC", "ΔBIC"), "how well a hypothesis explains the log, with a penalty per parameter; smaller is better"),
-    (("word",), "a controller parameter as the PLC stores it; the value to enter"),
+    (("word",), "a controller parameter as the controller stores it; the value to enter"),
     (("realised",), "the controller after rounding, as opposed to the ideal one"),
     (("switch",), "an open point of a manual, with its possible settings"),
     (("target",), "the controller that the parameters are for; in heatertune, a class that encodes, decodes, steps and "

@@ -151,6 +151,40 @@ def test_the_program_of_casadi_ends_at_the_optimum_and_can_be_changed(model):
         program.solve(limits=[-1.0 - program.gain_pct_per_degC])
 
 
+def test_an_inequality_limits_the_program_of_casadi_and_no_truth_value_does(model):
+    ca = pytest.importorskip("casadi")
+    program = ht.problem(model, structure="pi", sample_time_s=2.0)
+    free = program.solve().integral_time_s
+    for limit in (program.integral_time_s <= 0.8 * free, 0.8 * free > program.integral_time_s,
+                  ca.vertcat(program.integral_time_s <= 0.8 * free, program.gain_pct_per_degC >= 0.0)):
+        assert program.solve(limits=[limit]).integral_time_s == pytest.approx(0.8 * free, rel=1e-3)
+    assert program.solve(limits=[program.integral_time_s >= 1.2 * free]).integral_time_s == pytest.approx(1.2 * free, rel=1e-3)
+    for limit in (program.integral_time_s == free, False, True, ca.logic_and(program.integral_time_s <= free, free >= 0.0)):
+        with pytest.raises(InputError, match="write a <= b, a >= b, or an expression that is not negative"):
+            program.solve(limits=[limit])
+
+
+@pytest.mark.parametrize(("given", "way_on"), [
+    ("model.json", r"str; .* load\(path\) reads a model"), (None, "NoneType; expected a transfer function .*, or a model"),
+    (control.ss(control.tf([0.5], [300.0, 1.0])), r"StateSpace; .* control.tf\(system\) is one")])
+def test_what_is_no_heater_is_refused_by_every_verb_with_the_way_to_one(model, given, way_on):
+    design = ht.tune(model)
+    for verb in (ht.tune, ht.problem, lambda each: ht.loop(each, design)):
+        with pytest.raises(InputError, match=f"no heater: {way_on}"):
+            verb(given)
+    with pytest.raises(InputError, match=r"no heater: PidDesign; .* the model comes first, then the design"):
+        ht.loop(design, model)
+    with pytest.raises(InputError, match=r"no design: .*; expected what tune\(\) finds, or parameters of encode\(\)"):
+        ht.loop(model, given)
+
+
+def test_the_ways_to_a_heater_work(model, tmp_path):
+    system = control.ss(control.tf([0.5], [300.0, 1.0]) * control.tf(*control.pade(30.0, 2)))
+    assert ht.tune(control.tf(system)).gain_pct_per_degC > 0.0
+    ht.fit("table4").save(tmp_path / "model.json")
+    assert ht.tune(ht.load(tmp_path / "model.json")).gain_pct_per_degC > 0.0
+
+
 def test_the_program_of_casadi_refuses_what_is_no_expression_of_its_symbols(model):
     ca = pytest.importorskip("casadi")
     program, other = ht.problem(model, structure="pi"), ht.problem(model, structure="pi")

@@ -27,11 +27,32 @@ def klippy(tmp_path):
     ("klipper", None, {}, {"heater": "extruder"}), ("klipper", "chamber", {}, {}),
     ("klipper", "heater_bed", {"heater": "heater_generic"}, {"heater": "heater_generic"}),
     ("klipper", "heater_bed", {"firmware": "kalico"}, {"firmware": "kalico", "heater": "heater_bed"}),
+    ("marlin", "heater_bed", {}, {"heater": "bed"}), ("marlin", None, {}, {"heater": "hotend"}), ("marlin", "chamber", {}, {}),
     ("weg", "heater_bed", {}, {})])
 def test_the_tag_of_the_log_is_the_heater_of_the_export(klippy, target, tag, told, expected):
     log = read_log(klippy, ReadSettings(tag=tag))
     asked = pipeline._of_its_heater(DesignRequest(target=target, conditions=Conditions(setpoint_degC=50.0, switches=told)), log)
     assert dict(asked.conditions.switches) == expected
+
+
+@pytest.mark.parametrize(("target", "tag", "expected"), [
+    ("marlin", "T", {"heater": "hotend"}), ("marlin", "B", {"heater": "bed"}), ("klipper", "B", {"heater": "heater_bed"}),
+    ("klipper", "T", {"heater": "extruder"})])
+def test_the_letter_of_a_printers_report_is_the_heater_of_the_export(tmp_path, target, tag, expected):
+    path = tmp_path / "serial.log"
+    path.write_text("".join(f"10:00:{k:02d}.000 :  T:{30 + k:.2f} /200.00 B:{25 + k / 2:.2f} /60.00 @:64 B@:127\n" for k in range(60)))
+    log = read_log(path, ReadSettings(tag=tag))
+    assert dict(pipeline._of_its_heater(DesignRequest(target=target), log).conditions.switches) == expected
+
+
+@pytest.mark.parametrize("tag", ["B", "T"])
+def test_a_letter_in_any_other_table_is_no_heater_of_a_printer(tmp_path, tag):
+    path = tmp_path / "plant.csv"
+    path.write_text("time_s,zone,temperature_degC,power_pct\n" + "".join(
+        f"{k},{zone},{20 + k / 3:.1f},50\n" for k in range(80) for zone in "BT"))
+    log = read_log(path, ReadSettings(tag=tag, tag_column="zone"))
+    assert log.taken.reading["tag"] == tag
+    assert dict(pipeline._of_its_heater(DesignRequest(target="marlin"), log).conditions.switches) == {}
 
 
 @pytest.mark.parametrize(("target", "tag", "stated", "expected"), [

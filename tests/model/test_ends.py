@@ -145,13 +145,19 @@ def _log(temperature, setpoint=None):
     return Log(name="", source="", time_s=time, temperature_degC=temperature, setpoint_degC=setpoint)
 
 
-def test_the_setpoint_is_the_column_s_last_value_or_the_middle_of_the_upper_half():
+def test_the_setpoint_is_the_column_s_last_value_or_longest_or_the_middle_of_the_upper_half():
     up_and_down = np.concatenate([np.linspace(20.0, 220.0, 60), np.linspace(220.0, 30.0, 200)])
     assert setpoint_of(_log(up_and_down)) == 170.0  # 20 + ¾ · 200; its last ten readings are near 30
     asked = np.where(np.arange(260) < 100, 120.0, 200.0)
     assert setpoint_of(_log(up_and_down, asked)) == 200.0
     switched_off = np.where(np.arange(260) < 200, 200.0, 0.0)
-    assert setpoint_of(_log(up_and_down, switched_off)) == 170.0
+    assert setpoint_of(_log(up_and_down, switched_off)) == 200.0, "asked for 200 of 260 s"
+    two = np.where(np.arange(260) < 120, 210.0, switched_off)
+    assert setpoint_of(_log(up_and_down, two)) == 210.0, "120 s, and the other 80 s"
+    never_reached = np.where(switched_off > 0.0, 260.0, 0.0)
+    ramp = np.where(np.arange(260) < 200, np.arange(260.0), 0.0)
+    for asked in (never_reached, ramp, np.zeros(260)):
+        assert setpoint_of(_log(up_and_down, asked)) == 170.0
     assert setpoint_of(replace(_log(up_and_down), rests_at_degC=53.3)) == 53.3
 
 

@@ -23,6 +23,9 @@ class Window:
         session = self.work.session
         self.seen.append((session.settings.ms, session.verdict, session.is_computing, session.number))
 
+    def show_move(self):
+        self.show()
+
     def show_loop(self, look):
         self.drawn.append((look.settings.ms, len(self.seen)))
 

@@ -9,12 +9,13 @@ from heatertune import chain
 from heatertune.chain.pipeline import dossier
 from heatertune.codec import to_json
 from heatertune.errors import ExportRefused, InputError, NotRepresentable, OutOfRange
+from heatertune.log import read_log
 from heatertune.model.model_values import Candidate, model_by_hand
 from heatertune.pid.design_document import DesignProvenance
 from heatertune.plc import controller_for
 from heatertune.proof.monte_carlo.run import with_samples
 from heatertune.proof.repetition import repeat_words
-from heatertune.settings import Conditions, SampleSettings
+from heatertune.settings import Conditions, ReadSettings, SampleSettings
 from heatertune.studio.loop_settings import StudioSettings, find_design, first_look, full_proof
 from heatertune.studio.session import MOST_PINNED, Session, read_source
 from heatertune.studio.sheet_card import DroppedFile
@@ -321,3 +322,18 @@ def test_a_range_of_setpoints_has_no_place_on_the_page_and_that_is_told(tmp_path
 def test_a_built_in_table_is_read_with_its_misprints_corrected():
     assert read_source("table4").log.temperature_degC.tolist() == chain.read_log("table4", errata=True).temperature_degC.tolist()
     assert math.isfinite(read_source("table4").settings.ms)
+
+
+@pytest.mark.parametrize(("tag", "expected"), [("heater_bed", {"klipper": "heater_bed", "marlin": "bed"}), (
+    "extruder", {"klipper": "extruder", "marlin": "hotend"})])
+def test_the_heater_of_a_printers_log_is_that_of_its_files_for_each_controller_that_is_chosen(heater, tmp_path, tag, expected):
+    path = tmp_path / "klippy.log"
+    path.write_text("".join(f"Stats {1000 + k}.0: heater_bed: target=60 temp={30 + k / 10:.1f} pwm=0.500 "
+                            f"extruder: target=200 temp={40 + k / 2:.1f} pwm=0.700\n" for k in range(120)))
+    session = Session()
+    session.fit_done(session.begin(read_log(path, ReadSettings(tag=tag))), heater)
+    for target in ("klipper", "marlin"):
+        session.change(target=target)
+        assert dict(session.settings.conditions.switches) == {"heater": expected[target]}
+    session.change(target="weg")
+    assert dict(session.settings.conditions.switches) == {}

@@ -201,3 +201,30 @@ def test_another_log_takes_the_place_of_one_that_waits():
     assert whole.with_file(log) is log
     late = DroppedFile.of("p.csv", b"time_s,power_pct\n9000,0\n9100,50\n")
     assert log.with_file(late) is late  # of another time
+
+
+KLIPPY = "".join(f"Stats {1000 + k}.0: heater_bed: target=60 temp={30 + k / 10:.1f} pwm=0.500 extruder: target=200 "
+                 f"temp={40 + k / 2:.1f} pwm=0.700\n" for k in range(120)).encode()
+SERIAL = "".join(f"10:00:{k:02d}.000 :  T:{30 + k:.2f} /200.00 B:{25 + k / 2:.2f} /60.00 @:64 B@:127\n" for k in range(60)).encode()
+
+
+def test_each_heater_of_a_klippy_log_can_be_chosen(tmp_path):
+    found = DroppedFile.of("klippy.log", KLIPPY)
+    assert (found.zones, found.zone) == (("heater_bed", "extruder"), "extruder")
+    assert 'aria-label="the heater that is read"' in sheet(found)
+    bed = change_sheet(found, "zone", 0, "heater_bed")
+    assert bed.zone == "heater_bed"
+    assert bed.log.temperature_degC[-1] == pytest.approx(30 + 119 / 10, abs=0.06)
+    alone = DroppedFile.of("klippy.log", KLIPPY.replace(b"heater_bed: target=60", b"board:"))
+    assert alone.zones == ()
+    assert "the heater that is read" not in sheet(alone)
+
+
+def test_of_a_printers_reports_that_are_refused_for_several_heaters_one_can_be_chosen():
+    refused = DroppedFile.of("serial.log", SERIAL)
+    assert refused.log is None
+    assert "several heaters" in refused.problem
+    assert (refused.zones, refused.zone) == (("T", "B"), "")
+    assert '<option value="" selected>choose</option><option value="T">' in sheet(refused)
+    bed = change_sheet(refused, "zone", 0, "B")
+    assert bed.log.temperature_degC[-1] == pytest.approx(25 + 59 / 2)

@@ -32,7 +32,7 @@ MOVED = """(value) => { const slider = document.querySelector('input[data-field=
   return document.documentElement.hasAttribute('data-stale'); }"""
 
 #: whether the server has heard of every move; what a page has not sent by then is gone with it when it is loaded again
-HEARD = "() => Number(document.querySelector('[data-heard]').dataset.heard) >= studio.moves"
+HEARD = "() => studio.heard >= studio.moves"
 
 pytestmark = pytest.mark.long
 
@@ -145,7 +145,7 @@ def test_a_download_whose_design_has_changed_meanwhile_is_refused(windows):
     one, _ = windows
     one.bring_to_front()
     # as if the answer to another window's move were still on its way
-    one.evaluate("() => { document.querySelector('[data-heard]').dataset.number = 0; }")
+    one.evaluate("() => { document.querySelector('[data-number]').dataset.number = 0; }")
     one.get_by_role("button", name="Download words (zip)").click()
     one.get_by_text("the design changed meanwhile: look at it and try again").wait_for()
 

@@ -106,6 +106,7 @@ def test_what_it_compiles_is_all_that_a_look_and_a_proof_run_and_it_gives_the_sa
     for way in (True, False):
         decide(way)
         looked.append(first_look(heater, StudioSettings(noise_degC=0.2)))
+        assert looked[-1].wish is not None, "run now, in this way"
     machine, plain = looked
     full_proof(heater, machine)
     assert {core: (made.found, made.made) for core, made in machine_code.items()} == before, "nothing compiles later"

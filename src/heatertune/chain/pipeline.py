@@ -25,6 +25,7 @@ from heatertune.chain.stages import export, fit
 from heatertune.codec import DATA, Document, data_folder, decode, encode, plain, read_document, to_json
 from heatertune.errors import ExportRefused, InputError
 from heatertune.log import read_log
+from heatertune.log.formats.printer_logs import names_of
 from heatertune.log.log_values import Log
 from heatertune.model import model_document
 from heatertune.model.disturbance import DisturbanceEffect
@@ -46,7 +47,7 @@ from heatertune.processors import ProgressCallback, log_progress
 from heatertune.proof import Proof
 from heatertune.proof.as_left import AS_LEFT_SCHEMA, AsLeft, as_left
 from heatertune.proof.comparison import paper_runs, price_of_doubt, rivals
-from heatertune.proof.design_request import DesignRequest, DesignResult, with_printer_range
+from heatertune.proof.design_request import DesignRequest, DesignResult, with_heater, with_printer_range
 from heatertune.proof.difference import WRITTEN_SCHEMA, WriteHistory
 from heatertune.proof.feed_forward_check import FeedForwardProof, PlainLoop, prove_feed_forward
 from heatertune.proof.folder_digest import DIGEST_FILE, demand_one_design, folder_digest
@@ -355,12 +356,9 @@ def _requested(request: DesignRequest | None, keywords: Keywords) -> DesignReque
 
 def _of_its_heater(request: DesignRequest, log: Log) -> DesignRequest:
     """Return the request with the heater of a printer that the log is of, stated (`--tag`) or the one that was read."""
-    open_ = next((each for each in controller_for(request.target).switches if each.name == "heater"), None)
-    tag = None if log.taken is None else log.taken.reading.get("tag")
-    known = request.conditions.switches
-    if open_ is None or open_.name in known or tag not in open_.settings:
-        return request
-    return replace(request, conditions=replace(request.conditions, switches={**known, open_.name: str(tag)}))
+    names = () if log.taken is None else names_of(log.taken.reading)
+    known = with_heater(request.conditions.switches, request.target, names)
+    return replace(request, conditions=replace(request.conditions, switches=known))
 
 
 def _shown(

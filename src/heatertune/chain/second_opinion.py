@@ -21,7 +21,7 @@ from heatertune.chain.facade import decode
 from heatertune.codec import OrInfinite, register_schema
 from heatertune.errors import HeatertuneError, InputError, OutOfRange, UnknownName
 from heatertune.model.findings import Finding
-from heatertune.model.model_values import FittedModel, Fopdt, HeaterModel, TwoLag, model_by_hand
+from heatertune.model.model_values import FittedModel, Fopdt, HeaterModel, TwoLag
 from heatertune.model.reduction import cools
 from heatertune.model.transfer_functions import LinearSystem, heater_from
 from heatertune.options import merge_options, with_options
@@ -39,6 +39,7 @@ from heatertune.pid.search.feasible import NonlinearProgram, Problem, keeps, non
 from heatertune.pid.tune import stated_problem
 from heatertune.pid.tune import tune as tune_model
 from heatertune.plc import Words
+from heatertune.plc.design import fitted_model_of
 from heatertune.settings import TuneSettings
 from heatertune.units import written
 
@@ -236,6 +237,8 @@ def loop(
         raise UnknownName("part of the loop", of, _PARTS)
     model = heater.model if isinstance(heater, FittedModel) else heater
     plant_model = model if isinstance(model, Fopdt | TwoLag) else heater_from(model)
+    if not isinstance(design, PidDesign | Words):
+        raise InputError(f"no design: {type(design).__name__}; expected what tune() finds, or parameters of encode()")
     its = decode(design) if isinstance(design, Words) else design
     ta = its.sample_time_s
     if continuous or ta == 0.0:
@@ -255,7 +258,8 @@ def loop(
 
 @with_options(TuneSettings)
 def problem(
-    fitted: FittedModel | HeaterModel, settings: TuneSettings | None = None, **changed: Unpack[TuneOptions]
+    fitted: FittedModel | HeaterModel | LinearSystem, settings: TuneSettings | None = None,
+    **changed: Unpack[TuneOptions],
 ) -> NonlinearProgram:
     """Return the nonlinear program behind the optimum, with the symbols of CasADi, to change and to solve.
 
@@ -263,7 +267,7 @@ def problem(
 
         program = problem(model, ms=1.4)
         program.solve()                                                       # the optimum
-        program.solve(limits=[200.0 - program.integral_time_s])               # with TN <= 200 s
+        program.solve(limits=[program.integral_time_s <= 200.0])
         program.solve(cost=program.cost + 0.1 * program.gain_pct_per_degC)    # with another cost
 
     Args:
@@ -276,7 +280,7 @@ def problem(
             no program is solved; a cooler; a dead time of too many samples.
         UnknownName, OutOfRange: as `tune`.
     """
-    model = fitted if isinstance(fitted, FittedModel) else model_by_hand(fitted)
+    model = fitted_model_of(fitted)
     asked = merge_options(TuneSettings, settings, changed)
     if cools(model):
         raise InputError("a cooler is tuned as its mirror image: state its gain as positive")

@@ -323,13 +323,17 @@ def read_sheet(
     return replace(sheet, comment=comment, pwm_period_s=period_s, recorded=recorded)
 
 
-def heaters_in(path: Path) -> list[str]:
+def heaters_in(path: Path, content: bytes | None = None) -> list[str]:
     """Return the heaters of a printer's log, by which `read_sheet` selects one; none of another file.
+
+    Args:
+        path: of the file.
+        content: of the file, None: it is read.
 
     Raises:
         LogError: the file cannot be read.
     """
-    data = decompress(path, _content(path, None), [])
+    data = decompress(path, _content(path, content), [])
     if any(data.startswith(kind.magic) for kind in BINARY_FORMATS):
         return []
     return heater_names(_written_lines(_text(path, data, []), 0)[0])

@@ -17,7 +17,9 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
+from heatertune.arrays import Array
 from heatertune.log.log_values import Log
 from heatertune.model.findings import Finding
 from heatertune.model.model_values import Candidate, FittedModel
@@ -202,6 +204,7 @@ def _stretched(interval: Interval | None, share: float) -> Interval | None:
 _SECOND_DIFFERENCE: Final = 6.0**0.5  # standard deviation of y₋ − 2y + y₊ of white noise of 1
 _USED: Final = 0.75  # of the range that the heater reached: the middle of the upper half
 _ABOVE: Final = 0.25  # of the same: a setpoint below is a heater that was switched off
+_HELD: Final = 0.05  # of the log: what is asked for shorter is on a ramp
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -284,15 +287,26 @@ def setpoint_of(log: Log) -> float:
     """Return the operating temperature of the heater [°C].
 
     It is the last value of the setpoint column, unless this lies in the lowest quarter of the reached range: then the
-    heater was switched off. Otherwise it is the steady state given by the log's source, or the middle of the upper half
-    of the reached range.
+    heater was switched off, as a printer is after each print, and it is the value that was asked for longest.
+    Otherwise it is the steady state given by the log's source, or the middle of the upper half of the reached range.
     """
     reached = replace_outliers(log.temperature_degC)
     low, span = float(reached.min()), float(np.ptp(reached))
-    asked = None if log.setpoint_degC is None else float(log.setpoint_degC[-1])
-    if asked is not None and asked > low + _ABOVE * span:
-        return asked
+    if log.setpoint_degC is not None:
+        if (last := float(log.setpoint_degC[-1])) > low + _ABOVE * span:
+            return last
+        used = (log.setpoint_degC > low + _ABOVE * span) & (log.setpoint_degC <= low + span)
+        if (longest := _longest(log.setpoint_degC, log.time_s, used)) is not None:
+            return longest
     return round(low + _USED * span, 1) if log.rests_at_degC is None else log.rests_at_degC
+
+
+def _longest(values: Array, time_s: Array, used: npt.NDArray[np.bool_]) -> float | None:
+    """Return which of the used values stood longest; None where none stood for `_HELD` of the log, as on a ramp."""
+    levels, which = np.unique(values[used], return_inverse=True)
+    stood_s = np.bincount(which, weights=np.diff(time_s, append=time_s[-1])[used], minlength=1)
+    longest = int(np.argmax(stood_s))
+    return float(levels[longest]) if len(levels) and stood_s[longest] >= _HELD * np.ptp(time_s) else None
 
 
 def pool_candidates(fitted: FittedModel, others: Sequence[FittedModel]) -> FittedModel:

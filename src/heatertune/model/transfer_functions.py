@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -28,6 +28,14 @@ __all__ = ["LinearSystem", "heater_from"]
 _ALIKE = 1e-3  # relative distance of a pole from the mirrored zero of its Padé approximant
 _SAME_SAMPLES = 1e-6  # of the largest coefficient: a sampled heater's numerator agrees as closely as this
 _EXPECTED = "a gain, one or two real lags, a zero between two of them or no zero, and a dead time"
+
+
+#: what to do with what is no heater, by its type
+_REMEDIES: Final = {
+    "Log": ": fit(log) finds its model", "DataFrame": ": fit(frame) finds its model",
+    "str": ": load(path) reads a model, fit(path) finds that of a log", "StateSpace": ": control.tf(system) is one",
+    "PidDesign": ": the model comes first, then the design",
+}
 
 
 class LinearSystem(Protocol):
@@ -50,8 +58,9 @@ def heater_from(system: LinearSystem, *, ambient_degC: float | None = None) -> H
             not between two lags.
     """
     if not (hasattr(system, "num") and hasattr(system, "den") and np.shape(system.num)[:2] == (1, 1)):
-        raise InputError(f"no heater: {type(system).__name__}; expected a transfer function of python-control with one "
-                         "input and one output")
+        kind = type(system).__name__
+        raise InputError(f"no heater: {kind}; expected a transfer function of python-control with one input and one "
+                         f"output, or a model{_REMEDIES.get(kind, '')}")
     above, below = (np.trim_zeros(np.asarray(part[0][0], dtype=float), "f") for part in (system.num, system.den))
     if not len(above) or not len(below):
         raise InputError(f"no heater: a transfer function of zero; expected {_EXPECTED}")

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from heatertune.keywords import TargetTuneOptions
 
-__all__ = ["encode", "loop_fit", "stated_scaling", "tune"]
+__all__ = ["encode", "fitted_model_of", "loop_fit", "stated_scaling", "tune"]
 
 #: of a model's document, what is told and no design depends on
 _TOLD: Final = ("residuals", "notes", "hypotheses", "whiteness", "input_crosscorrelation", "held_out", "halves", "logs")
@@ -58,7 +58,7 @@ def tune(
 
     named = ("settings", "target", "scaling", "progress")
     tuning, sensing = split_options(changed, TuneSettings, SensorSettings, also=named)
-    asked, fitted = merge_options(TuneSettings, settings, tuning), _fitted_model(fitted)
+    asked, fitted = merge_options(TuneSettings, settings, tuning), fitted_model_of(fitted)
     target = None if target is None else target_by_name(target)
     scaling = stated_scaling(target, scaling, sensing)
     held: dict[str, Any] = {}
@@ -83,7 +83,8 @@ def tune(
     return replace(design, notes=(*design.notes, *delay))
 
 
-def _fitted_model(heater: FittedModel | HeaterModel | LinearSystem) -> FittedModel:
+def fitted_model_of(heater: FittedModel | HeaterModel | LinearSystem) -> FittedModel:
+    """Return a fit, or that of a single heater; raise InputError for what is none."""
     if isinstance(heater, FittedModel):
         return heater
     return model_by_hand(heater if isinstance(heater, Fopdt | TwoLag) else heater_from(heater))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -193,6 +194,19 @@ def made_for(fitted: FittedModel, request: DesignRequest, progress: ProgressCall
     stage("words")
     return wished, choose_words(
         wished, request.target, fitted, scaling=request.scaling, way=request.words_by, progress=progress)
+
+
+def with_heater(switches: Mapping[str, str], target: str, names: Iterable[str]) -> Mapping[str, str]:
+    """Return what is known of the open points, with the heater that a log is of where the controller leaves that open.
+
+    Args:
+        switches: what is known already.
+        target: the controller.
+        names: of the heater, any of which the controller may use.
+    """
+    point = next((each for each in controller_for(target).switches if each.name == "heater"), None)
+    heater = None if point is None else next((name for name in names if name in point.settings), None)
+    return switches if heater is None else {"heater": heater, **switches}
 
 
 def with_printer_range(request: DesignRequest, hottest_degC: float) -> DesignRequest:

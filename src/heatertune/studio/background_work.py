@@ -189,6 +189,9 @@ class Follower(Protocol):
     def show(self) -> object:
         """Show the session as it is now."""
 
+    def show_move(self) -> object:
+        """Show that settings moved, as what is seen is no longer theirs; the rest follows."""
+
     def show_loop(self, look: LoopView) -> object:
         """Draw a loop, and leave all else."""
 
@@ -201,6 +204,12 @@ class Follower(Protocol):
 
 class _ResultNotNeeded(Exception):
     """Nobody wants the result any more."""
+
+
+def _note_end(task: asyncio.Task[Any]) -> None:
+    """Take the exception of a task, which nobody waits for any more where the studio ends meanwhile."""
+    if not task.cancelled():
+        task.exception()
 
 
 class Work:
@@ -313,13 +322,16 @@ class Work:
         self.session.change(**fields)
         self.proving = ""
         self._moved.set()  # what nobody waits for any more ends before the next loop is computed
-        self.tell()
+        self._each(lambda page: page.show_move())
 
     async def look(self) -> None:
         """Show the loop of the settings; while one is computed, only the newest settings wait."""
         self._moved_at = time.monotonic()
         session = self.session
-        if self._looking or session.fitted is None:
+        if self._looking:
+            return
+        if session.fitted is None:
+            self.tell()
             return
         self._looking = True
         try:
@@ -334,7 +346,9 @@ class Work:
                 session.look_done(ticket, look)
                 self._each(lambda page: page.show_loop(look))  # noqa: B023 - called at once
                 await asyncio.sleep(_FRAME_S)
-                await asyncio.to_thread(getattr, look, "margins")  # of the tables below the picture
+                self._each(lambda page: page.show_progress())
+                if ticket == session.ticket:
+                    await asyncio.to_thread(getattr, look, "margins")  # of the tables below the picture
         finally:
             self._looking = False
         self.tell()
@@ -598,6 +612,7 @@ class Work:
                 return run(tell)
 
         task = asyncio.create_task(asyncio.to_thread(work))
+        task.add_done_callback(_note_end)
         while not task.done():
             self._moved.clear()
             unwanted = unwanted or not wanted()

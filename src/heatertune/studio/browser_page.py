@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
@@ -117,13 +118,14 @@ def _table(samples: Mapping[str, Any]) -> str:
 
 _LOOP_CARD_HEIGHT_PX: Final = 500
 _KEPT: Final = 8
-_REST_S: Final = 0.3  # a verdict is read first; a design that moved on by then wants no picture of all its runs
+_REST_S: Final = 0.3  # a verdict is read first; a design that moved on by then wants no finer picture
 #: of the last proofs; every window shows the same ones
 _pictures: dict[int, tuple[Proof, Picture]] = {}
 #: on their way, number of the proof → its picture
 _drawn: dict[int, asyncio.Task[Picture]] = {}
 
 _first_picture = lru_cache(_KEPT)(picture_of)
+_failing_run = lru_cache(_KEPT)(partial(picture_of, crowd=False))
 _loop_chart = lru_cache(_KEPT)(charts.loop_chart)
 
 
@@ -137,6 +139,7 @@ class LoopCard:
     def __init__(self) -> None:
         self._shown: tuple[object, ...] = ()
         self._picture: Picture | None = None
+        self._coarse = False
         self._untold: Callable[[], object] = bool
         _cards.add(self)
         self._zooms: list[tuple[str, float, float]] = []
@@ -162,8 +165,8 @@ class LoopCard:
         if not (verdict_alone and picture is self._picture):
             self._draw(look, picture, pinned, coarse=known is None)
         self._untold = partial(self._tell, look, proof, picture, pinned)
-        if proof is not None and known is None:
-            background_tasks.create(self._with_all_runs(wanted, look, proof, pinned))
+        if known is None:
+            background_tasks.create(self._refine(wanted, look, proof, pinned))
 
     def tell(self) -> None:
         """Tell what is drawn in words and numbers, if that was not done."""
@@ -178,24 +181,37 @@ class LoopCard:
         """Return whether this is the proof that is seen."""
         return len(self._shown) > 1 and self._shown[1] is proof
 
-    async def _with_all_runs(
-        self, shown: tuple[object, ...], look: LoopView, proof: Proof, pinned: Sequence[PinnedDesign]
+    async def _refine(
+        self, shown: tuple[object, ...], look: LoopView, proof: Proof | None, pinned: Sequence[PinnedDesign]
     ) -> None:
+        """Draw a loop at rest so that it bears a zoom, then every run of its proof."""
         await asyncio.sleep(_REST_S)
-        while self._shown is shown:
-            try:
-                picture = await _picture_with_all_runs(proof)
-            except _WindowGone:  # and wanted again meanwhile
-                continue
-            if self._shown is shown:
-                self._draw(look, picture, pinned)
-                self._tell(look, proof, picture, pinned)
+        if self._coarse and self._picture is not None:
+            await self._show_picture(shown, look, proof, self._picture, pinned)
+        if proof is None or self._shown is not shown:
             return
+        if proof.verdict == "FAIL":  # before the others
+            await self._show_picture(shown, look, proof, await asyncio.to_thread(_failing_run, proof), pinned)
+        while self._shown is shown:
+            with suppress(_WindowGone):  # and wanted again meanwhile
+                await self._show_picture(shown, look, proof, await _picture_with_all_runs(proof), pinned)
+                return
+
+    async def _show_picture(
+        self, shown: tuple[object, ...], look: LoopView, proof: Proof | None, picture: Picture,
+        pinned: Sequence[PinnedDesign],
+    ) -> None:
+        """Draw a picture finely, and tell what is in it, if its loop is still the one that is seen."""
+        if self._shown is shown:
+            await asyncio.to_thread(_loop_chart, look, picture, tuple(pinned), coarse=False)  # the wish is run, too
+        if self._shown is shown:
+            self._draw(look, picture, pinned)
+            self._tell(look, proof, picture, pinned)
 
     def _draw(
         self, look: LoopView, picture: Picture, pinned: Sequence[PinnedDesign], *, coarse: bool = False
     ) -> None:
-        self._picture = picture
+        self._picture, self._coarse = picture, coarse
         draw(self._chart, _loop_chart(look, picture, tuple(pinned), coarse=coarse))
 
     def _tell(self, look: LoopView, proof: Proof | None, picture: Picture, pinned: Sequence[PinnedDesign]) -> None:
@@ -397,9 +413,23 @@ class Page:
         ui.add_head_html(_PROGRAM.replace("UPLOAD", str(self._upload.id)))
         self._upload.client.run_javascript(_DRAWER)
         self.show()
-        work.follow(self)
-        self._upload.client.on_delete(lambda: work.forget(self))
+        self._upload.client.on_connect(self._follow)
+        self._upload.client.on_disconnect(self._forget)
+        self._upload.client.on_delete(self._forget)  # of a page that never was connected
         background_tasks.create(self.work.go_on())
+
+    def _follow(self) -> None:
+        """Follow the session once a browser is connected, again after it was not."""
+        self.work.forget(self)  # it may connect again before its old connection is found dead
+        self.work.follow(self)
+        self.show()
+
+    def _forget(self) -> None:
+        """Leave a page whose browser is gone: nothing is drawn for it, and no task draws into a deleted page."""
+        if not self._upload.client.has_socket_connection:
+            self.work.forget(self)
+            self._loop.leave()
+            self._seen = None
 
     def _build_results(self) -> None:
         self._error = ui.label().classes("card error wide").props("role=alert data-field=error")
@@ -550,6 +580,11 @@ class Page:
         else:
             self._loop.leave()
         self._show_pinned()
+
+    def show_move(self) -> None:
+        """Show that settings moved: what is seen is grey until `show`."""
+        self._grey.wait()
+        self._controls.show_move(self.session.settings)
 
     def show_loop(self, look: LoopView) -> None:
         """Draw a loop alone, the newest while a slider moves on: what is told beside it takes a browser longer."""

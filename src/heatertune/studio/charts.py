@@ -180,17 +180,18 @@ def loop_chart(
         look: the loop.
         picture: of its proof, or of its first look; it tells which times at rest are left out.
         pinned: designs kept.
-        coarse: to a pixel of the whole story, as long as a control moves; else so that it bears a zoom.
+        coarse: without the wish and to a pixel of the whole story, as long as a control moves; else so that it bears
+            a zoom.
     """
     proof, detail = look.proof, _COARSE if coarse else _FINE
     nominal = proof.nominal
-    course = course_of(nominal, proof, detail.pixels)
+    course = course_of(nominal, proof, detail.pixels, coarse=coarse)
     words = _over(picture, "nominal run", course, "realised", detail.within, detail.pointed)
     words["z"] = 4  # over the worst run
     lines = [words]
     if picture.worst is not None:
         lines.append(_worst(picture, picture.worst[1], detail.within))
-    if look.wish is not None:
+    if not coarse and look.wish is not None:
         wish = course_of(look.wish, proof, detail.pixels)
         lines.append(_over(picture, "unrounded wish", wish, "ideal", detail.within))
     for pin, kind in zip(pinned, _PIN_LINES, strict=False):
@@ -230,7 +231,7 @@ def key_of(look: LoopView, picture: Picture, pinned: Sequence[PinnedDesign] = ()
         dashes = "" if picture.fails else _DASHES["worst"]
         worst = f"{picture.called}: {picture.worst[0]}", LOOK["worst"]["color"], dashes
         names.insert(0 if picture.fails else 1, worst)
-    names += [] if look.wish is None else [("unrounded wish", LOOK["ideal"]["color"], _DASHES["ideal"])]
+    names += [] if look.realised is None else [("unrounded wish", LOOK["ideal"]["color"], _DASHES["ideal"])]
     names += [(f"all {picture.runs} runs", _CROWD, "")] if picture.runs > 1 else []
     return [*names, *((f"design {pin.name}", _PIN, "6 4") for pin in pinned)]
 
@@ -291,8 +292,8 @@ def _setpoint_and_parts(picture: Picture) -> Options:
     """Return the setpoint of each part, where each part begins, by number, and where a time at rest is left out."""
     ink, data = LOOK["limit"]["color"], list[Any]()
     lines = _lines_of_numbers(picture)
-    for number, part in enumerate(picture.parts, 1):
-        begin, end = (round(float(picture.place(instant)), 1) for instant in (part.begin_s, part.end_s))
+    places = picture.place([(part.begin_s, part.end_s) for part in picture.parts]).round(1).tolist()
+    for number, (part, (begin, end)) in enumerate(zip(picture.parts, places, strict=True), 1):
         data.append([{"coord": [begin, part.setpoint_degC], "lineStyle": {"type": "dotted"}},
                      {"coord": [end, part.setpoint_degC]}])
         if part.begin_s > 0.0:
@@ -300,8 +301,8 @@ def _setpoint_and_parts(picture: Picture) -> Options:
             data.append({"xAxis": begin, "lineStyle": {"type": "solid", "width": 1, "opacity": 0.5}, "label": {
                 "show": line is not None, "formatter": str(number), "position": "end", "color": _INK, "opacity": 1,
                 "fontSize": 11, "distance": 2 + _LINE_PX * (line or 0)}})
-    for begin, _ in picture.torn:
-        data.append({"xAxis": round(float(picture.place(begin)), 1), "lineStyle": {"opacity": 0}, "label": {
+    for begin in picture.place([begin for begin, _ in picture.torn]).round(1).tolist():
+        data.append({"xAxis": begin, "lineStyle": {"opacity": 0}, "label": {
             "show": True, "formatter": "//", "position": "start", "color": _INK, "opacity": 1, "fontSize": 11,
             "distance": 1}})
     return {"silent": True, "symbol": "none", "lineStyle": {"color": ink}, "label": {"show": False}, "data": data}
@@ -312,8 +313,8 @@ def _lines_of_numbers(picture: Picture) -> dict[int, int]:
     ends = [-math.inf] * _LINES_OF_NUMBERS
     room = _APART * float(picture.place(picture.parts[-1].end_s))
     lines = dict[int, int]()
-    for number, part in enumerate(picture.parts, 1):
-        place = float(picture.place(part.begin_s))
+    places = picture.place([part.begin_s for part in picture.parts]).tolist()
+    for number, place in enumerate(places, 1):
         free = next((line for line, end in enumerate(ends) if place >= end), None)
         if free is not None:
             lines[number], ends[free] = free, place + room
@@ -345,7 +346,8 @@ def _two_grids(lines: Sequence[Options], picture: Picture, *, end_s: float) -> O
         "xAxis": [axis_x | {"name": "", "axisLabel": {"show": False}, "axisTick": {"show": False},
                             "axisPointer": {"label": {"show": False}}},
                   axis_x | {"gridIndex": 1, "axisPointer": {"label": {":formatter": pointed}}}],
-        "yAxis": [axis_y, axis_y | {"gridIndex": 1, "name": "requested power [%]", "min": 0, "max": 100,
+        "yAxis": [axis_y | {"nameGap": 4 + _LINE_PX * _LINES_OF_NUMBERS},
+                  axis_y | {"gridIndex": 1, "name": "requested power [%]", "min": 0, "max": 100,
                                     "interval": 50, "scale": False, "axisLabel": {"color": _INK, "fontSize": 12}}],
         "axisPointer": {"link": [{"xAxisIndex": "all"}], "snap": False},
         "tooltip": {"trigger": "axis", "confine": True, "axisPointer": {"type": "cross"},

@@ -31,14 +31,18 @@ __all__ = ["MOVE", "MOVED", "NUMBER_SEEN", "Controls", "Grey", "card", "chart", 
 _CLIENT: Final = """<script>
 window.studio = {
   moves: 0,
+  waits: false,
+  wait(waits) { this.waits = waits; this.paint(); },
+  heard: 0,
+  hear(move) { this.heard = move; this.paint(); },
   move() { this.moves += 1; this.paint(); return this.moves; },
   seen() {
     const stale = document.documentElement.hasAttribute('data-stale');
-    return stale ? 0 : Number(document.querySelector('[data-heard]').dataset.number);
+    return stale ? 0 : Number(document.querySelector('[data-number]').dataset.number);
   },
   paint() {
-    const told = document.querySelector('[data-heard]')?.dataset;
-    const stale = !told || told.computing === 'yes' || Number(told.heard) < this.moves;
+    const told = document.querySelector('[data-computing]')?.dataset;
+    const stale = !told || this.waits || told.computing === 'yes' || this.heard < this.moves;
     const areas = document.querySelectorAll(
       '[data-field=banner], [data-field=words], [data-field=as-left], [data-field=drawn]');
     for (const each of [document.documentElement, ...areas]) each.toggleAttribute('data-stale', stale);
@@ -57,7 +61,7 @@ window.studio = {
   },
 };
 new MutationObserver(() => studio.paint()).observe(
-  document, {subtree: true, childList: true, attributeFilter: ['data-heard', 'data-computing']});
+  document, {subtree: true, childList: true, attributeFilter: ['data-computing']});
 </script>"""
 # by each area's own attribute: a rule that begins at the root makes the browser look at every element again
 _LOOK: Final = """
@@ -72,22 +76,34 @@ NUMBER_SEEN: Final = "() => emit(studio.seen())"
 
 
 class Grey:
-    """What one page tells its browser; elements that may be grey are chosen by the style sheet."""
+    """What one page tells its browser; elements that may be grey are chosen by the style sheet.
+
+    What belongs to a result goes with it, as properties of the page's tree. A move alone goes as a call: the browser
+    would go through all of the tree while the loop's picture is on its way.
+    """
 
     def __init__(self) -> None:
         ui.add_head_html(_CLIENT)
         ui.add_css(_LOOK)
         self._heard = 0
-        self._told = ui.element("div").props("hidden data-heard=0 data-computing=yes data-number=0")
+        self._told = ui.element("div").props("hidden data-computing=yes data-number=0")
 
     def note_moves(self, move: int) -> None:
         """Take how many moves the browser has made, all of them heard by now."""
         self._heard = max(self._heard, move)
-        self._told.props(f"data-heard={self._heard}")
+        self._call(f"studio.hear({self._heard})")
+
+    def wait(self) -> None:
+        """Tell that settings moved; `show` follows."""
+        self._call("studio.wait(true)")
 
     def show(self, *, computing: bool, number: int) -> None:
         """Tell whether something is on its way, and the number of the design that is seen."""
         self._told.props(f"data-computing={'yes' if computing else 'no'} data-number={number}")
+        self._call("studio.wait(false)")  # after the properties
+
+    def _call(self, code: str) -> None:
+        self._told.client.run_javascript(code)
 
 
 def card(title: str, props: str = "", *, wide: bool = False) -> ui.element:
@@ -261,6 +277,10 @@ class Controls:
         if not self._silent:
             self._moved(**fields)
 
+    def show_move(self, settings: StudioSettings) -> None:
+        """Show where the large slider stands, in the browser alone."""
+        self._place(_LARGE, settings.ms, None)
+
     def show(self, settings: StudioSettings, chosen: dict[str, float]) -> None:
         """Show settings; `chosen` holds what the program took where it may choose."""
         self._silent = True  # what is shown was not moved by the user
@@ -281,9 +301,9 @@ class Controls:
         element = self._elements[slider.field]
         if slider is _LARGE:
             assert value is not None
-            self._ms.set_text(f"Ms {figure(value)}")
-            element.props(f'aria-valuetext="Ms {figure(value)}"')
             self._set(slider.field, element, "value", f"{value:g}")
+            self._set("its text", self._ms, "textContent", f"Ms {figure(value)}")
+            self._set("its text for readers", element, "ariaValueText", f"Ms {figure(value)}")
             return
         auto = "" if chosen is None else f"{figure(chosen)} auto"
         element.props(f'placeholder="{auto}"')

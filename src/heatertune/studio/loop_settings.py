@@ -26,7 +26,7 @@ from heatertune.plc.word_selection import search_document
 from heatertune.plc.words import with_pwm_period
 from heatertune.processors import ProgressCallback
 from heatertune.proof import Proof, Trace, simulate_wish
-from heatertune.proof.design_request import made_for
+from heatertune.proof.design_request import made_for, with_heater
 from heatertune.proof.heaters import default_setpoint, labelled_heaters
 from heatertune.proof.monte_carlo.run import sample_document
 from heatertune.proof.redesign import DesignRequest, DesignResult, find_passing_design
@@ -97,6 +97,7 @@ class StudioSettings:
         tolerance_degC: how far from the setpoint is still right [°C]; None: as the proof takes it.
         limits: of the proof that are other than its own, as "overshoot=24%".
         assumptions: open point of the controller's manual and the setting that is taken as known.
+        heaters: names of the heater that the log is of, for a controller that has several.
         switch_kind: one of `heatertune.proof.ripple_and_wear.SWITCHES`; it tells how long contacts last.
         spec: what words must keep, one of `heatertune.proof.specification.PRESETS`.
 
@@ -117,6 +118,7 @@ class StudioSettings:
     tolerance_degC: float | None = None
     limits: tuple[str, ...] = ()
     assumptions: tuple[tuple[str, str], ...] = ()
+    heaters: tuple[str, ...] = ()
     switch_kind: str = "ssr"
     spec: str = GENERAL
 
@@ -148,8 +150,8 @@ class StudioSettings:
         """What the proof assumes."""
         return Conditions(
             setpoint_degC=self.setpoint_degC, noise_degC=self.noise_degC, pwm_period_s=self.pwm_period_s,
-            tolerance_degC=self.tolerance_degC, limit=self.limits, switches=dict(self.assumptions),
-            spec=None if self.spec == GENERAL else self.spec)
+            tolerance_degC=self.tolerance_degC, limit=self.limits, spec=None if self.spec == GENERAL else self.spec,
+            switches=with_heater(dict(self.assumptions), self.target, self.heaters))
 
     @property
     def tune_settings(self) -> TuneSettings:
@@ -206,7 +208,6 @@ class LoopView:
         realised: the design as the words realise it; None where the controller is no PID.
         plants: heaters for which `margins` are.
         proof: on the nominal heater under default settings of the switches: no verdict on the words.
-        wish: the unrounded design on the same heater; None for a controller that is no PID.
     """
 
     settings: StudioSettings
@@ -214,7 +215,14 @@ class LoopView:
     realised: PidDesign | None
     plants: tuple[HeaterModel, ...]
     proof: Proof
-    wish: Trace | None
+
+    @cached_property
+    def wish(self) -> Trace | None:
+        """The unrounded design on the same heater; None for a controller that is no PID."""
+        proof, nominal = self.proof, self.proof.nominal
+        return None if self.realised is None else simulate_wish(
+            self.gains.design, nominal.model, nominal.scenario, nominal.actuator,
+            ramp_degC_per_min=proof.ramp_degC_per_min if proof.words.ramp else math.inf, hold_degC=proof.hold_degC)
 
     @cached_property
     def margins(self) -> Margins | None:
@@ -250,13 +258,8 @@ def first_look(fitted: FittedModel, settings: StudioSettings, gains: CandidateWo
     """
     gains = gains or _quick(fitted, settings)
     proof = chain.prove(gains.words, fitted, gains.conditions or settings.conditions, first_look=True)
-    real, nominal = proof.design, proof.nominal
     return LoopView(
-        settings=settings, gains=gains, realised=real, proof=proof, plants=_plants(fitted, settings),
-        wish=None if real is None else simulate_wish(
-            gains.design, nominal.model, nominal.scenario, nominal.actuator,
-            ramp_degC_per_min=proof.ramp_degC_per_min if proof.words.ramp else math.inf, hold_degC=proof.hold_degC),
-    )
+        settings=settings, gains=gains, realised=proof.design, proof=proof, plants=_plants(fitted, settings))
 
 
 def optimum(fitted: FittedModel, settings: StudioSettings, progress: ProgressCallback = str) -> CandidateWords:

@@ -102,6 +102,7 @@ Line = tuple[npt.NDArray[Any], Array]
 
 _PIXELS: Final = 3000  # of the whole story, which is zoomed to a tenth
 _DENSE: Final = 100 * _PIXELS  # stretches of a run: with more of them no tooth of its PWM is seen
+_SCANS: Final = 10 * _PIXELS  # and as many switchings are looked at of a loop in motion
 _PIXELS_BEHIND: Final = 700  # of a run that is seen in a crowd
 _WITHIN: Final = 0.008  # of the temperature's span: two pixels of a picture 250 high
 _REST_SEEN: Final = 0.05  # of a time at rest, before the picture is torn
@@ -194,16 +195,17 @@ class Picture:
         return _place(np.asarray(time, dtype=np.float64), self.torn)
 
 
-def picture_of(proof: Proof, before_run: Callable[[], object] = bool) -> Picture:
+def picture_of(proof: Proof, before_run: Callable[[], object] = bool, *, crowd: bool = True) -> Picture:
     """Return what a full proof's picture shows; it runs every loop of the proof once more.
 
     Args:
         proof: or a first look.
         before_run: called before each run is drawn; what it raises gives the picture up.
+        crowd: whether all runs are drawn, not the nominal and the worst alone.
     """
     lines: dict[bytes, Line] = {}
-    gone = torn(proof)
-    for run in range(len(proof.runs) if len(proof.runs) > 1 else 0):
+    gone, runs = torn(proof), len(proof.runs) if crowd else 1
+    for run in range(runs if runs > 1 else 0):
         before_run()
         time, temperature = course_of(proof.trace(run), proof, _PIXELS_BEHIND)
         kept = straight(_place(time, gone), temperature, _WITHIN * float(np.ptp(temperature)))
@@ -212,16 +214,20 @@ def picture_of(proof: Proof, before_run: Callable[[], object] = bool) -> Picture
     run = proof.worst_run
     worst = None if run == 0 else (proof.runs[run].label, course_of(proof.worst, proof))
     fails = worst is not None and proof.verdict == "FAIL"
-    return Picture(crowd=tuple(lines.values()), runs=len(proof.runs), worst=worst, walls=tuple(walls_of(proof, run)),
+    return Picture(crowd=tuple(lines.values()), runs=runs, worst=worst, walls=tuple(walls_of(proof, run)),
                    parts=tuple(parts_of(proof.nominal, proof)), torn=gone, fails=fails)
 
 
-def course_of(trace: Trace, proof: Proof, pixels: int = _PIXELS) -> Line:
+def course_of(trace: Trace, proof: Proof, pixels: int = _PIXELS, *, coarse: bool = False) -> Line:
     """Return a run's temperature as a picture of so many pixels shows it, of shape (n,).
 
-    Its extremes are exact, but for the ripple of a PWM that is too fast to be seen.
+    Its extremes are exact, but for the ripple of a PWM that is too fast to be seen; `coarse`: those between two scans
+    or switchings are not looked for.
     """
-    time, temperature = trace.course(0.0, float(trace.time_s[-1]), most=_DENSE)
+    if coarse:
+        time, temperature = _without_search(trace)
+    else:
+        time, temperature = trace.course(0.0, float(trace.time_s[-1]), most=_DENSE)
     jumps = np.array([event.time_s for event in trace.scenario.disturbances])
     places = np.searchsorted(time, jumps)
     time = np.insert(time, places, jumps)
@@ -231,6 +237,18 @@ def course_of(trace: Trace, proof: Proof, pixels: int = _PIXELS) -> Line:
     time, temperature = time[seen], temperature[seen]
     kept = downsample(_place(time, gone), temperature, pixels)
     return time[kept], temperature[kept]
+
+
+def _without_search(trace: Trace) -> Line:
+    """Return a run at its scans and where its stretches begin, of shape (n,): what is known of it already."""
+    parts = []
+    for instants, values in ((trace.stretches[:, 0], trace.stretches[:, 1]), (trace.time_s, trace.temperature_degC)):
+        kept = slice(None, None, math.ceil(len(instants) / _SCANS))
+        parts.append((instants[kept], values[kept]))
+    time, temperature = (np.concatenate(column) for column in zip(*parts, strict=True))
+    order = np.argsort(time, kind="stable")
+    inside = order[time[order] <= trace.time_s[-1]]
+    return time[inside], temperature[inside]
 
 
 def parts_of(trace: Trace, proof: Proof) -> list[PicturePart]:

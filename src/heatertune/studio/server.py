@@ -28,7 +28,7 @@ from heatertune.studio.access import HOST, Gate, address, new_token
 from heatertune.studio.background_work import Work
 from heatertune.studio.browser_page import Page
 from heatertune.studio.loop_settings import CandidateWords, StudioSettings, first_look, optimum
-from heatertune.studio.session import Session, read_source
+from heatertune.studio.session import Session, is_printer_log, read_source
 
 __all__ = ["SearchProcess", "compile_all", "serve", "warm"]
 
@@ -51,8 +51,8 @@ def serve(source: str | None, *, port: int | None, browser: bool) -> None:
     sys.setswitchinterval(0.0005)  # [s]: a proof's thread gives way to the page, which needs several turns for a move
     session, searches = Session(), SearchProcess()
     work = Work(session, searches.optimum)
-    if source is not None and not work.load_zones(source):
-        session.load(read_source(source))
+    if source is not None and (not work.load_zones(source) or is_printer_log(source)):
+        session.load(read_source(source))  # a printer's heaters are also designed each by itself
     port, token = _free(port), new_token()
     app.add_middleware(Gate, token=token, port=port)
     app.on_startup(lambda: background_tasks.create(_tell(port, token)))
@@ -219,7 +219,7 @@ def compile_all(targets: Sequence[str]) -> None:
     heater = model_by_hand(Fopdt(gain_degC_per_pct=0.4, time_constant_s=170.0, dead_time_s=15.0, ambient_degC=20.0))
     for target in targets:
         try:
-            first_look(heater, StudioSettings(target=target))
+            getattr(first_look(heater, StudioSettings(target=target)), "wish", None)  # both loops are run
         except HeatertuneError:
             continue
 

@@ -17,6 +17,8 @@ from typing import Any, Final, TypeVar
 from heatertune import chain
 from heatertune.chain.documents import read_documents, with_own_clocks
 from heatertune.errors import ExportRefused, HeatertuneError, InputError
+from heatertune.log.cells import heaters_in
+from heatertune.log.formats.printer_logs import names_of
 from heatertune.log.log_values import BUILT_IN, Log
 from heatertune.model.model_document import from_document
 from heatertune.model.model_values import FittedModel
@@ -35,7 +37,8 @@ from heatertune.settings import Conditions, FitSettings
 from heatertune.studio.loop_settings import CandidateWords, DesignOutcome, LoopView, StudioSettings, settings_for
 from heatertune.studio.wording import SuggestedChange, mend_for
 
-__all__ = ["MOST_PINNED", "FrontDesign", "LogSource", "PinnedDesign", "Session", "Ticket", "fit_log", "read_source"]
+__all__ = ["MOST_PINNED", "FrontDesign", "LogSource", "PinnedDesign", "Session", "Ticket", "fit_log", "is_printer_log",
+           "read_source"]
 
 
 #: what a design says of the limit it was asked for
@@ -61,6 +64,12 @@ class LogSource:
     fitted: FittedModel | None = None
     outcome: DesignOutcome | None = None
     as_left: str = ""
+
+
+def is_printer_log(source: str) -> bool:
+    """Return whether a path is the log of a printer with a heater that is read without being named."""
+    path = Path(source)
+    return path.is_file() and "extruder" in heaters_in(path)
 
 
 def read_source(source: str) -> LogSource:
@@ -242,7 +251,8 @@ class Session:
             return False
         self._heater = ticket
         self.log, self.fitted, self.coming = self.coming, fitted, None
-        self.settings = settings_for(fitted, self.settings)
+        reading = {} if self.log is None or self.log.taken is None else self.log.taken.reading
+        self.settings = replace(settings_for(fitted, self.settings), heaters=names_of(reading))
         self.look, self.error, self._pins = None, "", []
         return True
 
@@ -294,7 +304,7 @@ class Session:
     def _words_key(self, settings: StudioSettings | None = None, heater: int | None = None) -> Ticket:
         now = settings or self.settings
         asked = (now.target, now.tune_settings, now.scaling, now.spec, now.limits, now.tolerance_degC, now.assumptions,
-                 now.pwm_period_s)
+                 now.heaters, now.pwm_period_s)
         return self._heater if heater is None else heater, *asked
 
     def is_quick(self, ticket: Ticket) -> bool:

@@ -21,7 +21,7 @@ from nicegui import ui
 
 from heatertune.errors import HeatertuneError, InputError, LogError
 from heatertune.log import read_log
-from heatertune.log.cells import plain_cells, read_sheet
+from heatertune.log.cells import heaters_in, plain_cells, read_sheet
 from heatertune.log.columns import NO_COLUMN, find_columns, with_names
 from heatertune.log.log_values import Log
 from heatertune.log.partial_rows import is_quality
@@ -144,7 +144,8 @@ class DroppedFile:
         problem: why not, in one line, else "".
         columns: in the order of the file; empty where it is no table.
         tags: of a long table, else empty.
-        zones: what the column that tells zones apart holds, else empty; `zone` is the one that is read.
+        zones: what the column that tells zones apart holds, or the heaters of a printer, else empty; `zone` is the one
+            that is read.
         lines: first lines of a file that is no table.
     """
 
@@ -185,7 +186,10 @@ class DroppedFile:
             log, problem = None, str(refused)
         given: dict[str, Any] = {"settings": settings, "assumptions": assumed, "log": log, "problem": problem,
                                  "power_content": power_content}
-        sheet = None
+        sheet, heaters = None, list[str]()
+        with suppress(LogError):
+            several = heaters_in(Path(plain), content)
+            heaters = several if len(several) > 1 else []
         with suppress(LogError, IndexError):
             sheet = plain_cells(with_names(read_sheet(
                 Path(plain), content, settings.skip_rows, settings.tag, settings.decimal_comma,
@@ -193,12 +197,12 @@ class DroppedFile:
         if sheet is None or not len(sheet):
             text = "" if b"\0" in content[:_LINES] else content[:_LINES * _LONGEST].decode("utf-8", "replace")
             lines = tuple(line[:_LONGEST] for line in text.splitlines()[:_LINES])
-            return cls(name=plain, content=content, lines=lines, **given)
+            return cls(name=plain, content=content, lines=lines, zones=tuple(heaters), **given)
         reading = _reading(sheet, settings) if log is None or log.taken is None else log.taken.reading
         columns, tags = _columns(sheet, reading, log), _tags(sheet, reading)
         place = next((i for i, column in enumerate(columns) if column.role == "zone"), None)
-        zones = () if place is None else tuple(islice(dict.fromkeys(sheet.columns[place]), _MOST_TAGS))
-        return cls(name=plain, content=content, columns=columns, tags=tags, zones=zones, **given)
+        zones = heaters if place is None else islice(dict.fromkeys(sheet.columns[place]), _MOST_TAGS)
+        return cls(name=plain, content=content, columns=columns, tags=tags, zones=tuple(zones), **given)
 
     @property
     def is_long(self) -> bool:
@@ -229,8 +233,9 @@ class DroppedFile:
 
     @property
     def zone(self) -> str:
-        """The zone whose rows are read, "" where no column tells zones apart."""
-        return self.settings.tag or "" if self.zones else ""
+        """The zone or heater whose rows are read, "" where nothing tells several apart, or none is chosen."""
+        read = {} if self.log is None or self.log.taken is None else self.log.taken.reading
+        return str(self.settings.tag or read.get("tag", "")) if self.zones else ""
 
     def read(self, **changed: Any) -> DroppedFile:
         """Return the file read with other settings; what is out of range is told and changes nothing."""
@@ -360,7 +365,7 @@ def _whole(text: str) -> int | None:
 
 #: what the page can change → option of the reader, and how a text becomes its value
 _SAID: Final[Mapping[str, tuple[str, Callable[[str], Any]]]] = {
-    "zone": ("tag", str),
+    "zone": ("tag", lambda text: text or None),
     "temperature_unit": ("temperature_unit", lambda text: text or None),
     "time_unit": ("time_unit", lambda text: text or None),
     "skip_empty": ("skip_empty", bool),
@@ -484,7 +489,7 @@ _MOST_COLUMNS: Final = 40
 def sheet(dropped: DroppedFile) -> str:
     """Return first rows with the role and unit of each column, preview and assumptions."""
     shown = preview(dropped.log, dropped.assumptions.window(dropped.log)) if dropped.log else ""
-    return "".join((_told(dropped), _table(dropped), _rest(dropped), shown,
+    return "".join((_told(dropped), _zone(dropped), _table(dropped), _rest(dropped), shown,
                     _assumptions(dropped), _repairs(dropped.log)))
 
 
@@ -511,10 +516,18 @@ def _table(dropped: DroppedFile) -> str:
     if dropped.tags:
         tags = "".join(_column(column, place, "tag") for place, column in enumerate(dropped.tags))
         text += f'<h3>Tags: each becomes a column</h3><div class="columns">{tags}</div>'
-    if dropped.zones:
-        text += select_field("the zone that is read", "zone", 0, {zone: zone for zone in dropped.zones}, dropped.zone,
-                        label="Rows of the zone")
     return text
+
+
+def _zone(dropped: DroppedFile) -> str:
+    """Return the choice among several zones or heaters, "" where there is none."""
+    if not dropped.zones:
+        return ""
+    printed = not any(column.role == "zone" for column in dropped.columns)
+    name, label = ("the heater that is read", "Heater, by its tag") if printed else (
+        "the zone that is read", "Rows of the zone")
+    choose = {} if dropped.zone in dropped.zones else {"": "choose"}
+    return select_field(name, "zone", 0, choose | {zone: zone for zone in dropped.zones}, dropped.zone, label=label)
 
 
 def _column(column: SheetColumn, place: int, kind: str) -> str:

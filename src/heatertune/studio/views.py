@@ -12,6 +12,7 @@ from heatertune.model.model_values import FittedModel
 from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Words, controller_for
 from heatertune.plc.keyed_entry import FIRST, THEN, KeyedEntry, typed_words
+from heatertune.plc.targets import GROUPS
 from heatertune.proof import Proof
 from heatertune.proof.ripple_and_wear import life
 from heatertune.proof.verdict import verdict_brief, verdict_details
@@ -170,8 +171,9 @@ def sentence(proof: Proof, switch_kind: str) -> str:
     if overshoot is not None:
         parts.append(f"overshoots {figure(overshoot, 2)} %{worst}" if overshoot > _SEEN_PCT else f"no overshoot{worst}")
     if switchings is not None and math.isfinite(switchings):
-        kind = "SSR" if switch_kind == "ssr" else switch_kind
-        lasts = "" if switch_kind == "ssr" else f", which lasts {life(switch_kind, switchings)}"
+        printer = proof.words.target in GROUPS["printer"]
+        kind = "MOSFET" if printer else "SSR" if switch_kind == "ssr" else switch_kind
+        lasts = "" if kind.isupper() else f", which lasts {life(switch_kind, switchings)}"
         parts.append(f"{switchings:.0f} switchings an hour ({kind}{lasts})")
     text = ", ".join(parts)
     return f"{text[:1].upper()}{text[1:]}."

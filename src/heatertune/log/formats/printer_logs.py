@@ -20,7 +20,7 @@ from heatertune.errors import LogError
 from heatertune.log.formats.format_table import FormatTable, Line, TextFormat, line_stamp, matching
 from heatertune.units import count
 
-__all__ = ["PRINTER_LOGS", "heater_names"]
+__all__ = ["PRINTER_LOGS", "heater_names", "names_of"]
 
 
 #: begins a line of klippy.log: seconds of the host's clock
@@ -77,6 +77,17 @@ def heater_names(numbered: Sequence[Line]) -> list[str]:
         stats = (line for _, line in numbered if _STATS.match(line))
         return [*dict.fromkeys(name for line in stats for name, *_ in _HEATER.findall(line))]
     return [*_reports(numbered)[0]] if matching(_REPORT)(numbered) else []
+
+
+def names_of(reading: Mapping[str, object]) -> tuple[str, ...]:
+    """Return what firmwares call the heater of a log, by how it was read: its tag, of a printer its other names, too.
+
+    A letter is a heater's name in a printer's reports only.
+    """
+    tag = str(reading.get("tag", ""))
+    is_report = str(reading.get("power_column", "")).startswith("power [0...") or len(tag) > len("T0")
+    own = (tag,) if tag else ()
+    return (*own, *(name for names in _SAME if tag in names and is_report for name in names))
 
 
 def _sessions(cells: Sequence[str]) -> list[tuple[float, int, int]]:
@@ -142,6 +153,8 @@ _REPORT: Final = re.compile(rf"T{_BEGINS}\d?: ?-?\d+(?:\.\d+)? */-?\d")
 _PART: Final = re.compile(rf"([TBC]{_BEGINS}\d?): ?(-?\d+(?:\.\d+)?) */ ?(-?\d+(?:\.\d+)?)")
 _SMOOTHIE: Final = re.compile(r"(?:^|[\s:])([TBC]\d?):-?[\d.]+ */ ?-?[\d.]+ @(\d+)")
 _SENT: Final = re.compile(r"@(?:(?<=(?<!\w)([TBC])@)|(?<!\w@))(\d?):(-?\d+)")
+#: names of one heater: in printer.cfg and klippy.log, in Marlin's configuration, and the letters of its reports
+_SAME: Final = (("extruder", "hotend", "T", "T0"), ("heater_bed", "bed", "B"))
 _MARLIN_FULL: Final = 127  # Marlin's soft PWM has seven bits
 _EIGHT_BITS_FULL: Final = 255
 
