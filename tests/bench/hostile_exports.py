@@ -479,9 +479,11 @@ def outcome_on_sheet(export: Export) -> tuple[str, list[str]]:
         if words[0] in ("--until", "--from"):
             dropped = dropped.assume(**{f"{words[0][2:]}_s": float(words[1])})
             continue
-        option = flags[words[0]]
-        values = tuple(map(option.kind, words[1:]))
-        dropped = dropped.read(**{option.name: True if option.kind is bool else values if option.pair else values[0]})
+        begins = [k for k, word in enumerate(words) if word in flags]
+        for begin, end in zip(begins, [*begins[1:], len(words)], strict=True):
+            option = flags[words[begin]]
+            values = tuple(map(option.kind, words[begin + 1:end]))
+            dropped = dropped.read(**{option.name: True if option.kind is bool else values if option.pair else values[0]})
     return STUCK, said
 
 

@@ -170,3 +170,14 @@ def test_a_table_that_speaks_of_stats_is_a_table(tmp_path):
     rows = "".join(f"{k},{20 + k / 10},{0 if k < 5 else 50}\n" for k in range(40))
     path.write_text("# Stats 1.0: extruder: target=0 temp=20.0 pwm=0.000\ntime_s,temperature_degC,power_pct\n" + rows)
     assert len(read_log(path).time_s) == 40
+
+
+def test_a_chamber_without_a_power_of_its_own_does_not_get_the_hot_ends(tmp_path):
+    """Marlin prints C: of a chamber that has a sensor alone, and C@: only of one that is heated (temperature.cpp)."""
+    file = tmp_path / "serial.log"
+    file.write_text("".join(
+        f"Recv: ok T:{20 + 0.5 * k:.2f} /200.00 B:{50 + 0.1 * k:.2f} /60.00 C:{20 + 0.1 * k:.2f} /0.00 @:{k % 128} B@:{k % 60}\n" for k in range(120)))
+    with pytest.raises(LogError, match="no such heater 'C'; expected --tag and one of T"):
+        read_log(file, tag="C", sample_time_s=1.0)
+    assert read_log(file, tag="B", sample_time_s=1.0).power_pct == pytest.approx([100.0 * (k % 60) / 127.0 for k in range(120)])
+    assert read_log(file, tag="T", sample_time_s=1.0).power_pct == pytest.approx([100.0 * (k % 128) / 127.0 for k in range(120)])
