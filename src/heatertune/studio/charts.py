@@ -24,8 +24,8 @@ from heatertune.studio.loop_settings import LoopView
 from heatertune.studio.proof_picture import Line, Picture, course_of, downsample, parts_of, step_corners, straight
 from heatertune.studio.session import PinnedDesign
 
-__all__ = ["Options", "heater_chart", "key_of", "line_chart", "line_series", "live_charts", "log_chart", "loop_chart",
-           "preview", "zooms"]
+__all__ = ["DRAGGED", "Options", "heater_chart", "key_of", "line_chart", "line_series", "live_charts", "log_chart",
+           "loop_chart", "preview", "zooms"]
 
 Options = dict[str, Any]
 
@@ -55,6 +55,20 @@ _LINES_OF_NUMBERS: Final = 3
 _LINE_PX: Final = 12
 _WIDE, _HIGH, _LOW = 640, 150, 34  # of the preview: its width, the temperature's height, the power's
 _EDGE: Final = 8
+#: of the browser, for `preview`: a drag over the picture chooses the part that is fitted, a click all of it
+DRAGGED: Final = """(e) => { const svg = e.target.closest && e.target.closest(".preview svg"); if (!svg) return;
+  e.preventDefault(); svg.setPointerCapture(e.pointerId);
+  const box = svg.getBoundingClientRect(), share = (p) => Math.min(Math.max((p.clientX - box.left) / box.width, 0), 1);
+  const [left, right] = svg.querySelectorAll(".outside"), wide = svg.viewBox.baseVal.width, begun = share(e);
+  const first = Number(svg.dataset.first), span = Number(svg.dataset.last) - first;
+  const ends = (p) => [Math.min(begun, share(p)), Math.max(begun, share(p))];
+  const shade = (p) => { const [a, b] = ends(p); left.setAttribute("width", a * wide);
+    right.setAttribute("x", b * wide); right.setAttribute("width", (1 - b) * wide); };
+  const instant = (at) => (first + at * span).toPrecision(4);
+  svg.onpointermove = shade;
+  svg.onpointercancel = () => { svg.onpointermove = svg.onpointerup = null; emit(["window", 0, " ", "from_s-0"]); };
+  svg.onpointerup = (p) => { svg.onpointermove = svg.onpointerup = null; const [a, b] = ends(p);
+    emit(["window", 0, b - a < 0.01 ? " " : `${instant(a)} ${instant(b)}`, "from_s-0"]); }; }"""
 
 
 def log_chart(log: Log, fitted: FittedModel) -> Options:

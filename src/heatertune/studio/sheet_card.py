@@ -31,7 +31,7 @@ from heatertune.log.tags import TagSelection, places
 from heatertune.options import Option, options_of
 from heatertune.report.html import bullets, text_of
 from heatertune.settings import AsLeftSettings, FitSettings, ReadSettings
-from heatertune.studio.charts import preview
+from heatertune.studio.charts import DRAGGED, preview
 from heatertune.studio.controls import NUMBER_SEEN, number_field, select_field
 from heatertune.studio.wording import for_page
 from heatertune.units import check
@@ -605,20 +605,6 @@ _SHARED: Final = ("temperature_unit", "power_full_scale", "time_unit", "sample_t
 _CHANGED: Final = """(e) => { const t = e.target; if (!t.dataset.change) return;
   emit([t.dataset.change, Number(t.dataset.place), t.type === "checkbox" ? t.checked ? "1" : "" : t.value,
         t.dataset.key]); }"""
-#: a drag over the picture chooses the part that is fitted, a click all of it
-_DRAGGED: Final = """(e) => { const svg = e.target.closest && e.target.closest(".preview svg"); if (!svg) return;
-  e.preventDefault(); svg.setPointerCapture(e.pointerId);
-  const box = svg.getBoundingClientRect(), share = (p) => Math.min(Math.max((p.clientX - box.left) / box.width, 0), 1);
-  const [left, right] = svg.querySelectorAll(".outside"), wide = svg.viewBox.baseVal.width, begun = share(e);
-  const first = Number(svg.dataset.first), span = Number(svg.dataset.last) - first;
-  const ends = (p) => [Math.min(begun, share(p)), Math.max(begun, share(p))];
-  const shade = (p) => { const [a, b] = ends(p); left.setAttribute("width", a * wide);
-    right.setAttribute("x", b * wide); right.setAttribute("width", (1 - b) * wide); };
-  const instant = (at) => (first + at * span).toPrecision(4);
-  svg.onpointermove = shade;
-  svg.onpointercancel = () => { svg.onpointermove = svg.onpointerup = null; emit(["window", 0, " ", "from_s-0"]); };
-  svg.onpointerup = (p) => { svg.onpointermove = svg.onpointerup = null; const [a, b] = ends(p);
-    emit(["window", 0, b - a < 0.01 ? " " : `${instant(a)} ${instant(b)}`, "from_s-0"]); }; }"""
 
 
 class SheetCard:
@@ -639,7 +625,7 @@ class SheetCard:
         with self._card:
             self._title = ui.html("", sanitize=False, tag="h2").props('id=sheet-title tabindex=-1')
             self._content = ui.html("", sanitize=False).on("change", self._changed, js_handler=_CHANGED).on(
-                "pointerdown", self._changed, js_handler=_DRAGGED)
+                "pointerdown", self._changed, js_handler=DRAGGED)
             with ui.element("div").classes("actions"):
                 self._take = ui.button("Use this log", on_click=self._taken).props("dense")
                 self._against = ui.button("Hold against the proven design").props("outline dense")

@@ -427,26 +427,17 @@ class NonlinearProgram:
             InputError: what is given is no expression of these symbols; IPOPT found no optimum, and with what status.
         """
         cost = self.cost if cost is None else self._expression("cost", cost)
+        if not cost.is_scalar():
+            raise InputError(f"cost has {cost.numel()} values; it must be one")
         if not np.iterable(limits) or isinstance(limits, str):
             raise InputError(f"limits is {limits!r}; it must be a list of expressions")
-        further = [self._limit(limit) for limit in limits]
+        further = [self._expression("limits", limit) for limit in limits]
         answer, status = self.run_ipopt(cost, further, most_iterations=_PATIENT)
         if status not in _SOLVED:
             raise InputError(f"IPOPT ended with {status}: relax a limit, or begin with another design")
         gain, integral, *derivative = np.exp(answer)
         design = self.problem.design(float(gain), float(integral), float(derivative[0]) if derivative else 0.0)
         return replace(design, method="optimum of a nonlinear program (IPOPT)")
-
-    def _limit(self, value: Any) -> Any:
-        """Return a limit as an expression that must not be negative; as a truth value it would always be kept."""
-        import casadi as ca
-
-        parts = ca.vertsplit(ca.vec(self._expression("limits", value)))
-        logical = (ca.OP_EQ, ca.OP_NE, ca.OP_NOT, ca.OP_AND, ca.OP_OR)
-        if isinstance(value, bool) or any(part.is_op(op) for part in parts for op in logical):
-            raise InputError(f"limits holds {value!r}; write a <= b, a >= b, or an expression that is not negative")
-        return ca.vertcat(*(part.dep(1) - part.dep(0) if part.is_op(ca.OP_LE) or part.is_op(ca.OP_LT) else part
-                            for part in parts))
 
     def _expression(self, field: str, value: Any) -> Any:
         """Return what a user gives as an expression of the unknowns."""
@@ -462,9 +453,7 @@ class NonlinearProgram:
         if free := [symbol.name() for symbol in ca.symvar(expression) if symbol.element_hash() not in known]:
             raise InputError(f"{field} holds the symbol {', '.join(free)}, which is not one of this program's: "
                              f"{', '.join(symbol.name() for symbol in own)}")
-        if field == "cost" and not expression.is_scalar():
-            raise InputError(f"cost has {expression.numel()} values; it must be one")
-        return expression
+        return expression if field == "cost" else _not_negative(ca, expression, value)
 
     def cost_at(self, unknowns: Array) -> float:
         """Return the cost at values of the unknowns, shape (2,) or (3,)."""
@@ -493,6 +482,16 @@ class NonlinearProgram:
         )
         answer = solver(x0=self.start, lbg=0.0, ubg=ca.inf, lbx=self.lowest, ubx=self.highest)
         return np.asarray(answer["x"]).ravel(), str(solver.stats()["return_status"])
+
+
+def _not_negative(ca: Any, limit: Any, value: Any) -> Any:
+    """Return a limit as an expression that must not be negative; as a truth value it would always be kept."""
+    parts = ca.vertsplit(ca.vec(limit))
+    logical = (ca.OP_EQ, ca.OP_NE, ca.OP_NOT, ca.OP_AND, ca.OP_OR)
+    if isinstance(value, bool) or any(part.is_op(op) for part in parts for op in logical):
+        raise InputError(f"limits holds {value!r}; write a <= b, a >= b, or an expression that is not negative")
+    return ca.vertcat(*(part.dep(1) - part.dep(0) if part.is_op(ca.OP_LE) or part.is_op(ca.OP_LT) else part
+                        for part in parts))
 
 
 def nonlinear_program(problem: Problem, start: PidDesign) -> NonlinearProgram:
