@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import Final, NamedTuple
 
 from heatertune.heater.exact import time_to, unit_step_response
@@ -34,6 +34,7 @@ from heatertune.proof.scenario import (
     Load,
     Mains,
     NewSetpoint,
+    OutageLengths,
     PlcPower,
     Scenario,
     TemperatureStep,
@@ -46,7 +47,7 @@ from heatertune.units import written
 
 __all__ = [
     "BELOW", "BRIEF", "HEAT_UP", "JUDGED", "LOADED", "LONGER", "LOW", "OF_RANGE", "ONLY_TOLD", "OVERSHOOTS", "PART",
-    "RISING", "UNDER_LOAD", "WARM", "WINDOW", "LongOutage", "OutageLengths", "OutageTiming", "briefly",
+    "RISING", "UNDER_LOAD", "WARM", "WINDOW", "LongOutage", "OutageTiming", "briefly",
     "nights_of", "sums_up", "unmended", "winds_up", "wound",
 ]
 
@@ -69,23 +70,6 @@ _SCANS: Final = 1e6  # a longer test sequence gets no longer runs: a proof runs 
 _FEWEST_IN_MANY: Final = 9  # number of lengths with a boost then
 _NO_GAIN: Final = 1e-9  # [%/°C]: a smaller gain has no effect
 _HALVINGS: Final = 50
-
-
-class OutageLengths(NamedTuple):
-    """How long the circuit is open, and the PLC without supply.
-
-    Attributes:
-        openings_s: lengths of the open circuits [s].
-        restarts_s: times without supply [s].
-    """
-
-    openings_s: Sequence[float] = ()
-    restarts_s: Sequence[float] = ()
-
-    @property
-    def fewer(self) -> OutageLengths:
-        """A third of them: the shortest, and each third from there."""
-        return OutageLengths(self.openings_s[::3], self.restarts_s[::3])
 
 
 class OutageTiming(NamedTuple):
@@ -139,20 +123,23 @@ class OutageTiming(NamedTuple):
 
         If no range is stated, it is the lower setpoint of the test sequence.
         """
-        low_degC, setpoint_degC = self.scenario.lower_setpoint_degC, self.scenario.setpoint_degC
+        low_degC = self.scenario.lower_setpoint_degC
         if low_degC is None:
             return {}
-        timings = {low_degC: self._replace(closely=self.closely and self.scenario.setpoint_low_degC is not None)}
-        if self.scenario.setpoint_low_degC is not None:
-            step = min((step for _, step in self._steps), key=abs)
-            lowest_share = 1.0 - (setpoint_degC - low_degC) / step
-            ratio = _DOWN**2 if self._many or not self.closely else _DOWN
-            number = math.floor(math.log(lowest_share) / math.log(ratio)) if lowest_share > 0.0 else 0
-            timings = {setpoint_degC - (1.0 - ratio**place) * step: self._replace(closely=False)
-                       for place in range(1, number + 1)} | timings
+        lone = self.scenario.setpoint_low_degC is None
+        timings = {low_degC: self._replace(closely=False)} if lone else {**self._down_to(low_degC), low_degC: self}
         there = {low: timing._replace(scenario=replace(self.scenario, setpoint_degC=low))
                  for low, timing in timings.items()}
         return {low: OutageLengths(timing.openings_s(), timing.restarts_s()) for low, timing in there.items()}
+
+    def _down_to(self, low_degC: float) -> dict[float, OutageTiming]:
+        """Return the setpoints on the way down to the lowest one [°C], each with its timing."""
+        setpoint_degC, step = self.scenario.setpoint_degC, min((step for _, step in self._steps), key=abs)
+        lowest_share = 1.0 - (setpoint_degC - low_degC) / step
+        ratio = _DOWN**2 if self._many or not self.closely else _DOWN
+        number = math.floor(math.log(lowest_share) / math.log(ratio)) if lowest_share > 0.0 else 0
+        return {setpoint_degC - (1.0 - ratio**place) * step: self._replace(closely=False)
+                for place in range(1, number + 1)}
 
     def restarts_s(self) -> list[float]:
         """Return the off-times of a PLC after which its restart may overshoot most [s]; empty without an I part.
@@ -481,13 +468,12 @@ def _under_load(scenario: Scenario, number: int, lengths_s: OutageLengths, again
     few_s = sorted({warm_s[round(share * (len(warm_s) - 1))] for share in _OF_RESTARTS}) if warm_s else []
     kinds = [(UNDER_LOAD, lengths_s.fewer, REST_SHARE, 1.0, "; the limit is kept without a load"),
              (again, OutageLengths(lengths_s.openings_s, few_s), 1.0, _ANY, "; it does without a load")]
-    for name, (openings_s, restarts_s), share, most, kept in kinds[:2 if again else 1]:
+    for name, lengths, share, most, kept in kinds[:2 if again else 1]:
         course = Course(scenario, way_back(scenario, number + 1, share)[1])
         course.single(_loads_in(scenario)[0], rest_share=1.0)
-        course.pairs(number, openings_s, share)
-        course.pairs(off, restarts_s, share)
-        restart = "" if off is None or not restarts_s else ", or a restart of the controller,"
-        told = f"After {_minutes(openings_s)} with an open circuit{restart} while a load is held"
+        course.outages(number, off, lengths, share)
+        restart = "" if off is None or not warm_s else ", or a restart of the controller,"
+        told = f"After {_minutes(lengths.openings_s)} with an open circuit{restart} while a load is held"
         yield LongOutage(name, course.scenario, told, kept, most=most)
 
 
@@ -553,33 +539,33 @@ def _at_lower_setpoints(
     """
     off, rest_s = _restart_in(scenario), way_back(scenario, number + 1, REST_SHARE)[1]
     fall = next(place for place, event in enumerate(scenario.disturbances) if isinstance(event, NewSetpoint))
-    course, loads = Course(scenario, rest_s), _loads_in(scenario)
+    course = Course(scenario, rest_s)
     for setpoint_degC in _downwards(lengths_s, scenario):
         course.add(NewSetpoint(time_s=rest_s, setpoint_degC=setpoint_degC),
                    way_back(scenario, fall, 0.0)[0] + rest_s, rest_s)
-        for taken in (None, *loads[:1]):
-            course.single(taken)
-            lengths = lengths_s[setpoint_degC] if taken is None else lengths_s[setpoint_degC].fewer
-            course.pairs(number, lengths.openings_s)
-            course.pairs(off, lengths.restarts_s)
-        for given in loads[1:]:
-            course.single(given)
-        for goods in (event for event in scenario.disturbances if isinstance(event, TemperatureStep)):
-            course.add(_colder(goods, setpoint_degC, scenario, models), *way_back(scenario, number + 1, REST_SHARE))
-    every_s = sorted(length_s for lengths in lengths_s.values() for length_s in lengths.openings_s)
-    others = "" if off is None else ", or another event of the test sequence,"
-    told = f"After {_minutes(every_s)} with an open circuit{others} at {_degrees(lengths_s)} °C"
+        lengths = lengths_s[setpoint_degC]
+        course.outages(number, off, lengths)
+        for load, fewer in zip(_loads_in(scenario), (lengths.fewer, OutageLengths()), strict=False):
+            course.single(load)
+            course.outages(number, off, fewer)
+        for goods in _cold_goods(scenario, setpoint_degC, models):
+            course.add(goods, *way_back(scenario, number + 1, REST_SHARE))
+    every_s = sorted(chain(*(lengths.openings_s for lengths in lengths_s.values())))
+    told = (f"After {_minutes(every_s)} with an open circuit, or another event of the test sequence, "
+            f"at {_degrees(lengths_s)} °C")
     name = BELOW if scenario.setpoint_low_degC is None else LOW
     return LongOutage(name, course.scenario, told, f"; {_KEPT_AT_HIGHEST}")
 
 
-def _colder(
-    goods: TemperatureStep, setpoint_degC: float, scenario: Scenario, models: Sequence[HeaterModel]
-) -> TemperatureStep:
-    """Return cold goods that take at most half of what a lower setpoint is above any ambient."""
-    rises = [abs(setpoint_degC - conditions(scenario, model)[0]) for model in models]
-    most_degC = min(abs(goods.temperature_degC), _HALF * min(rises))
-    return replace(goods, temperature_degC=math.copysign(most_degC, goods.temperature_degC))
+def _cold_goods(
+    scenario: Scenario, setpoint_degC: float, models: Sequence[HeaterModel]
+) -> Iterator[TemperatureStep]:
+    """Yield the cold goods of the test sequence: they take at most half of what a setpoint is above any ambient."""
+    most_degC = _HALF * min(abs(setpoint_degC - conditions(scenario, model)[0]) for model in models)
+    for goods in scenario.disturbances:
+        if isinstance(goods, TemperatureStep):
+            fall_degC = min(abs(goods.temperature_degC), most_degC)
+            yield replace(goods, temperature_degC=math.copysign(fall_degC, goods.temperature_degC))
 
 
 def _cold_at_lower_setpoints(

@@ -24,10 +24,10 @@ from heatertune.proof.kernel import JUMP, LOAD, MAINS, PHASE
 from heatertune.units import check
 
 __all__ = [
-    "LED", "REST_SHARE", "TO_SETPOINT", "Course", "Disturbance", "Load", "Mains", "NewSetpoint", "Phase", "PlcPower",
-    "Scenario", "SetpointRampEvent", "TemperatureStep", "can_hold", "conditions", "delay_heater", "event_name",
-    "events_of", "heat_up", "heated_s", "kinds_of", "lengthen", "paper_scenario", "phases_of", "scenario_for",
-    "temperatures", "way_back",
+    "LED", "REST_SHARE", "TO_SETPOINT", "Course", "Disturbance", "Load", "Mains", "NewSetpoint", "OutageLengths",
+    "Phase", "PlcPower", "Scenario", "SetpointRampEvent", "TemperatureStep", "can_hold", "conditions", "delay_heater",
+    "event_name", "events_of", "heat_up", "heated_s", "kinds_of", "lengthen", "paper_scenario", "phases_of",
+    "scenario_for", "temperatures", "way_back",
 ]
 
 
@@ -539,6 +539,23 @@ def _acting(number: int, event: Disturbance, power: float) -> list[_Acting]:
     return [begins, _Acting(event.time_s, MAINS, power, 1.0, number)]  # also where a PLC gets its supply
 
 
+class OutageLengths(NamedTuple):
+    """How long the circuit is open, and the PLC without supply.
+
+    Attributes:
+        openings_s: lengths of the open circuits [s].
+        restarts_s: times without supply [s].
+    """
+
+    openings_s: Sequence[float] = ()
+    restarts_s: Sequence[float] = ()
+
+    @property
+    def fewer(self) -> OutageLengths:
+        """A third of them: the shortest, and each third from there."""
+        return OutageLengths(self.openings_s[::3], self.restarts_s[::3])
+
+
 class Course:
     """Events one after the other, from a heat-up at rest for so long [s].
 
@@ -558,18 +575,24 @@ class Course:
         self._time_s += lasts_s
 
     def single(
-        self, number: int | None, event: Disturbance | None = None, *, rest_share: float = REST_SHARE
+        self, number: int, event: Disturbance | None = None, *, rest_share: float = REST_SHARE
     ) -> None:
         """Let what an event of the test sequence begins happen, with another event in its place if one is given."""
-        if number is not None:
-            self.add(event or self._sequence.disturbances[number], *way_back(self._sequence, number, rest_share))
+        self.add(event or self._sequence.disturbances[number], *way_back(self._sequence, number, rest_share))
 
-    def pairs(self, number: int | None, lengths_s: Iterable[float], rest_share: float = REST_SHARE) -> None:
-        """Let an event of the test sequence, and after each length the one that ends it, happen; None: nothing."""
-        if number is not None:
-            for length_s in lengths_s:
-                self.add(self._sequence.disturbances[number], length_s)
-                self.single(number + 1, rest_share=rest_share)
+    def pairs(self, number: int, lengths_s: Iterable[float], rest_share: float = REST_SHARE) -> None:
+        """Let an event of the test sequence happen, and after each length the one that ends it."""
+        for length_s in lengths_s:
+            self.add(self._sequence.disturbances[number], length_s)
+            self.single(number + 1, rest_share=rest_share)
+
+    def outages(
+        self, opening: int, restart: int | None, lengths_s: OutageLengths, rest_share: float = REST_SHARE
+    ) -> None:
+        """Let the circuit be open and the PLC be without supply for each length; events by their numbers."""
+        self.pairs(opening, lengths_s.openings_s, rest_share)
+        if restart is not None:
+            self.pairs(restart, lengths_s.restarts_s, rest_share)
 
     @property
     def scenario(self) -> Scenario:
