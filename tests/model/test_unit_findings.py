@@ -79,8 +79,10 @@ def test_a_fit_that_contradicts_a_name_asks_for_the_unit_until_it_is_stated(scal
 def test_a_stated_unit_that_no_heater_can_have_blocks_until_another_is_stated(scales, stated, part):
     """The heater is known: 60 °C at full power, in a room of 22 °C."""
     text = heater_rows("Time,Temperature,Heater", **scales)
-    found = findings_of(fit(read(text, **{"time_unit": "s", "power_full_scale": 100.0, **stated})))
+    fitted = fit(read(text, **{"time_unit": "s", "power_full_scale": 100.0, **stated}))
+    found = findings_of(fitted)
     assert part in found["unit-contradicted"]
+    assert any(part in f"{note[0].lower()}{note[1:]}" for note in fitted.notes)
     assert all(f"--{name.replace('_', '-')} " in found["unit-contradicted"] for name in stated)
     right = {"power": {"power_full_scale": 1.0}, "temperature": {"temperature_unit": "0.1degC"}, "offset": {"temperature_unit": "K"}}[next(iter(scales))]
     assert "unit-contradicted" not in findings_of(fit(read(text, **{"time_unit": "s", "power_full_scale": 100.0, **right})))

@@ -176,7 +176,7 @@ def _implausible(
     if ends["dead_time_s"][0] > most_dead_time_s:
         doubts["time"] = f"a dead time of {fitted.model.dead_time_s / 3600.0:.3g} h is hardly a heater's"
     if 100.0 * abs(ends["gain_degC_per_pct"][0]) > _MOST_RISE_DEGC:
-        doubts["power"] = f"full power would heat by {100.0 * fitted.model.gain_degC_per_pct:.4g} °C"
+        doubts["power"] = f"full power would heat by {100.0 * fitted.model.gain_degC_per_pct:,.0f} °C"
     return doubts
 
 

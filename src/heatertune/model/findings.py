@@ -174,7 +174,8 @@ KINDS: Final[dict[str, FindingKind]] = {
         "check and state it (--time-unit, --temperature-unit, --power-full-scale; heatertune read shows which)"),
     "unit-contradicted": FindingKind(
         "blocks", "a stated unit makes the heater one that cannot exist",
-        "check the unit that you state (--time-unit, --temperature-unit, --power-full-scale), and its column"),
+        "check the unit that you state (--time-unit, --temperature-unit, --power-full-scale), and its column",
+        by_case=True),
     "begins-as-room": FindingKind(
         "told", "the temperature is in °C, as the log begins like a room in °C",
         "state it if it is not (--temperature-unit)", is_assumption=True),

@@ -350,10 +350,12 @@ def _of_files(fitted: FittedModel, logs: Sequence[Log], used: Sequence[Log]) -> 
     taken = [log.taken for log in logs if log.taken is not None]
     repaired = [f"{reading.file}: {reading.repaired_share:.2%} of {reading.rows_read} rows were left out or repaired"
                 for reading in taken if reading.repaired_share > MOST_REPAIRED]
+    units = unit_findings(fitted, logs)
+    wrong = [f"{each.message[0].upper()}{each.message[1:]}." for each in units if each.name == "unit-contradicted"]
     return replace(
-        fitted, log_summary=tuple(reading.line for reading in taken),
+        fitted, log_summary=tuple(reading.line for reading in taken), notes=(*fitted.notes, *wrong),
         findings=(*fitted.findings, *(Finding(name="repaired", message=sentence) for sentence in repaired),
-                  *unit_findings(fitted, logs), *unit_change_findings(used), *neighbour_findings(logs)),
+                  *units, *unit_change_findings(used), *neighbour_findings(logs)),
     )
 
 
