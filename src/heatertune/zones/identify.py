@@ -379,10 +379,7 @@ def _result(log: ZoneLog, problem: NetworkProblem, fit: NetworkFit) -> FittedNet
     known = np.all(reach < math.log(_NO_HEATER), axis=1) & (own[:, 1] < math.log(_LONGEST_LAG * np.ptp(log.time_s)))
     for zone, ambient, is_known in zip(log.zones, own[:, 3], known, strict=True):
         if ambient < ABSOLUTE_ZERO_DEGC or not is_known:
-            clocks = [f"{each.message}: log dates, or all zones in one file, if they do not begin at the same instant"
-                      for each in log.findings if each.name == "one-clock"]
-            cause = "; ".join([*clocks, *problem.misread_powers(log.zones)])
-            raise InputError(f"{log.name}: the log does not show the heater of zone {zone!r}: {cause or _FROM_REST}")
+            raise InputError(f"{log.name}: the log does not show the heater of zone {zone!r}: {_cause(log, problem)}")
     error = np.sqrt(np.sum(fit.residuals**2, axis=0) / np.sum((readings - readings.mean(axis=0)) ** 2, axis=0))
     fit_pct = tuple(100.0 * (1.0 - error))
     findings = [*_poor_findings(log, fit_pct, fit.residuals)]
@@ -396,6 +393,13 @@ def _result(log: ZoneLog, problem: NetworkProblem, fit: NetworkFit) -> FittedNet
         setpoints_degC=None if log.setpoints_degC is None else tuple(log.setpoints_degC[-1]),
         highest_degC=tuple(readings.max(axis=0)))
     return replace(fitted, findings=(*log.findings, *findings, *_open_findings(fitted)))
+
+
+def _cause(log: ZoneLog, problem: NetworkProblem) -> str:
+    """Return why a log shows no heater, and what to do."""
+    clocks = [f"{each.message}: log dates, or all zones in one file, if they do not begin at the same instant"
+              for each in log.findings if each.name == "one-clock"]
+    return "; ".join([*clocks, *problem.misread_powers(log.zones)]) or _FROM_REST
 
 
 def _poor_findings(log: ZoneLog, fit_pct: Sequence[float], residuals_degC: Array) -> Iterator[Finding]:

@@ -461,8 +461,8 @@ class _Prover:
                            where=held)]
         if least < 0.0:
             cold = int(np.argmin(min(powers_pct, key=np.min)))
-            rise = max((_IDLE_PCT - power[cold]) * network.neighbours_held(cold).gain_degC_per_pct
-                       for network, power in zip(networks, powers_pct, strict=True))
+            rise = max(map(lambda network, power: (_IDLE_PCT - power[cold]) * network.neighbours_held(
+                cold).gain_degC_per_pct, networks, powers_pct))
             criteria.append(JointCriterion(name=HOLDING_POWERS[1], value=-float(least), limit=0.0, where=(
                 f"zone {self.zones[cold]}: its neighbours heat it beyond its setpoint; raise it to "
                 f"{math.ceil(self.setpoints[cold] + rise)} °C, or lower theirs")))

@@ -276,8 +276,9 @@ class NetworkProblem:
     def fit(self, layout: ParameterLayout, start: Array) -> NetworkFit:
         """Return the least-squares fit by Levenberg and Marquardt's method, from parameters of shape (p,)."""
         values, residuals = _least_squares(
-            start, lambda each: self.readings - self.simulate(layout, [each])[0], partial(self.jacobian, layout),
-            lambda each, *system: self.within_limits(layout, each, np.asarray(np.linalg.solve(*system))), _MOST_STEPS)
+            start, lambda values: self.readings - self.simulate(layout, [values])[0], partial(self.jacobian, layout),
+            lambda values, *system: self.within_limits(layout, values, np.asarray(np.linalg.solve(*system))),
+            _MOST_STEPS)
         return NetworkFit(layout, values, residuals, self.jacobian(layout, values))
 
     def within_limits(self, layout: ParameterLayout, values: Array, step: Array) -> Array:
