@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+from tests.accessible import demand_accessible
 from tests.report.conftest import DESIGN, HEATER
 
 from heatertune import chain
@@ -196,3 +197,12 @@ def test_it_prints_on_eight_pages_of_a4_with_nothing_cut(shown):
     assert [box for box in boxes if box[0] in whole and box[2] > A4["height"]] == []
     assert shown.locator(".live:visible").count() == 0, "on paper the SVG stands for the canvas"
     assert shown.locator("figure > svg:visible").count() == 5
+
+
+def test_axe_finds_nothing_in_the_report_on_any_screen(shown):
+    shown.evaluate("() => { for (const folded of document.querySelectorAll('details')) folded.open = true; }")
+    for width in (1280, 768, 390):
+        shown.set_viewport_size({"width": width, "height": 900})
+        shown.wait_for_timeout(200)
+        demand_accessible(shown)
+        assert shown.evaluate("document.documentElement.scrollWidth") <= width

@@ -12,11 +12,11 @@ import urllib.request
 import zipfile
 from contextlib import contextmanager
 from dataclasses import replace
-from importlib import resources
 from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.accessible import demand_accessible
 from tests.studio.conftest import MALFORMED
 from tests.zones.networks import chain, logged, steps
 
@@ -121,13 +121,6 @@ def drop_before_it_is_connected(page, name, content):
 
 def words_of(page):
     return page.locator("[data-field=words]").inner_text()
-
-
-def demand_accessible(page):
-    """axe-core's rules find nothing (WCAG 2.1 A and AA, and its best practices)."""
-    page.evaluate((resources.files("axe_playwright_python") / "axe.min.js").read_text(encoding="utf-8"))
-    found = page.evaluate("() => axe.run(document, {resultTypes: ['violations']})")["violations"]
-    assert [(one["id"], [node["html"][:120] for node in one["nodes"]]) for one in found] == []
 
 
 def demand_whole(page):

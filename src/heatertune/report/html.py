@@ -144,7 +144,8 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[str]], *, numeric: Seque
     """Return a table; the columns in `numeric` are right-aligned, the source is below."""
     caption = f"<caption>Source: {text_of(source)}</caption>" if source else ""
     kinds = [' class="n"' if i in numeric else "" for i in range(len(heads))]
-    head = "".join(f'<th scope="col"{kind}>{text_of(cell)}</th>' for kind, cell in zip(kinds, heads, strict=True))
+    head = "".join(f'<th scope="col"{kind}>{text_of(cell)}</th>' if cell else "<td></td>"
+                   for kind, cell in zip(kinds, heads, strict=True))
     body = "".join("<tr>" + "".join(_cell(cell, i in numeric) for i, cell in enumerate(row)) + "</tr>" for row in rows)
     return f"<table>{caption}<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
 

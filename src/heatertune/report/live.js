@@ -36,6 +36,13 @@ for (const figure of document.querySelectorAll("figure[data-live]")) {
   });
   figure.classList.add("moves");
 }
+// A table wider than its page is scrolled with the keyboard, too.
+const reach = () => {
+  for (const table of document.querySelectorAll("table"))
+    if (table.scrollWidth > table.clientWidth) table.tabIndex = 0; else table.removeAttribute("tabindex");
+};
+reach();
+window.addEventListener("resize", reach);
 // Ticks are kept by the browser under the words they belong to; where it keeps nothing, they last as long as the page.
 const kept = "heatertune:" + document.documentElement.dataset.words;
 const ticks = [...document.querySelectorAll("input[type=checkbox]")];
