@@ -204,8 +204,8 @@ def without_strays(sheet: Sheet, columns: Columns, repairs: list[str]) -> Sheet:
     if "time" not in columns.index:
         return sheet
     cells = sheet.columns[columns.index["time"]]
-    are_digits = cells[len(cells) // 2].isdigit()  # else a whole number is none: 650 rows selected.
-    begins = cells.where(lambda cell: cell[:1] in _TIME_BEGINS and (are_digits or not cell.isdigit()))
+    are_numbers = is_number(cells[len(cells) // 2])  # else a number is none: 650 rows selected.
+    begins = cells.where(lambda cell: cell[:1] in _TIME_BEGINS and (are_numbers or not cell.isdigit()))
     strays = np.flatnonzero(~begins)
     if not len(strays) or not begins.any():
         return sheet

@@ -272,13 +272,15 @@ def stale_readings(readings: Array) -> Mask:
 
     A sensor, a bus or a device that hangs for a while repeats its last reading. Noise hardly ever does, and a heater
     that moves does not stand and then make up for it in one step. A heater at rest whose last digit stands does not
-    flicker up and down before and after it.
+    flicker up and down before and after it. At the largest and the smallest reading, an input is at its end.
 
     Args:
         readings: shape (n,), NaN where there is none.
     """
     steps, stale = np.diff(readings), np.zeros(len(readings), dtype=np.bool_)
-    bounds = np.flatnonzero(np.diff(np.concatenate([[False], steps == 0.0, [False]]).astype(np.int8)))
+    lowest, highest = np.fmin.reduce(readings, initial=np.inf), np.fmax.reduce(readings, initial=-np.inf)
+    stands = (steps == 0.0) & (readings[1:] > lowest) & (readings[1:] < highest)
+    bounds = np.flatnonzero(np.diff(np.concatenate([[False], stands, [False]]).astype(np.int8)))
     for begin, end in zip(bounds[::2].tolist(), bounds[1::2].tolist(), strict=True):
         sides = steps[max(begin - _NEAR_STALE, 0):begin], steps[end + 1:end + 1 + _NEAR_STALE]
         if min(map(len, sides)) == _NEAR_STALE and all(np.mean(side != 0.0) >= _MOVES for side in sides):
