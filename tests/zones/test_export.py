@@ -184,6 +184,7 @@ def test_the_command_designs_zones(tmp_path, capsys):
     assert capsys.readouterr().out.splitlines()[2].startswith("PASS: 2 zones together at 45, 45 °C")
     document = json.loads((out / "data" / "zones.json").read_text(encoding="utf-8"))
     assert document["verdict"] == "PASS"
+    assert "s7_300_zones.awl" in document["files"]
     assert document["exchange"][0][1] == pytest.approx(2.0, abs=0.05)
     assert (out / "s7_300_zones.awl").is_file()
     page = (out / "record.html").read_text(encoding="utf-8")
@@ -195,6 +196,8 @@ def test_the_command_designs_zones(tmp_path, capsys):
     assert "stand in DB 110" in page
     assert "s7_300_zones.awl" in page
     assert "Do not enter" not in page
+    assert main([*arguments, "--limit", "overshoot=0.001%"]) == 1
+    assert {path.name for path in out.iterdir()} == {"data", "record.html"}, "the program of the PASS is gone"
     for wrong, complaint in ((["--ms", "1.4"], "--ms: not for zones"), (["--rated-power", "1,2,3"], "expected a number for each"),
                              (["--zone-setpoints", "45,warm"], "expected numbers"), (["--peak-power", "3"], "rated power")):
         assert main([*arguments, *wrong]) == 2

@@ -58,7 +58,14 @@ from heatertune.proof.redesign.on_samples import closed_on_samples
 from heatertune.proof.report_curves import pictures, proven_heaters, robustness
 from heatertune.proof.text_comparison import as_exported
 from heatertune.proof.verdict import PROOF_SCHEMA
-from heatertune.proof.words_file import WORDS_SCHEMA, certificate, demand_same_words, read_words, words_of
+from heatertune.proof.words_file import (
+    WORDS_SCHEMA,
+    certificate,
+    demand_same_words,
+    exported_names,
+    read_words,
+    words_of,
+)
 from heatertune.settings import (
     RECORD_SCHEMA,
     AsLeftSettings,
@@ -490,7 +497,8 @@ def _write(
     moved = {f"{DATA}/{name}": content for name, content in written.items()}
     moved[f"{DATA}/{DIGEST_FILE}"] = to_json(folder_digest(documents))
     drawn = None if second is None else second.sections()
-    return write_files(out, {**files, "report.html": _page(documents, drawn), **moved}, gone=written)
+    gone = [*written, *exported_names(data_folder(out) / "words.json")]
+    return write_files(out, {**files, "report.html": _page(documents, drawn), **moved}, gone=gone)
 
 
 def _page(documents: Mapping[str, Document], drawn: Mapping[str, str] | None = None) -> str:

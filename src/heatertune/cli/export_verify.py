@@ -11,7 +11,7 @@ from heatertune import chain, options, plc, report
 from heatertune.cli import common, printing
 from heatertune.cli.command_table import write_records
 from heatertune.cli.saved_design import ProofSource, proof_source, redesign_command, target_in
-from heatertune.codec import DATA, to_json
+from heatertune.codec import DATA, data_folder, to_json
 from heatertune.errors import DocumentError, ExportRefused, InputError
 from heatertune.settings import AsLeftSettings, FeedForwardSettings, ReadSettings, RecordSettings, SampleSettings
 from heatertune.writing import write_files
@@ -196,13 +196,13 @@ def add_export_db(commands: Any) -> None:
 def _run_export_db(settings: argparse.Namespace) -> int:
     from heatertune.proof.folder_digest import DIGEST_FILE, folder_digest
     from heatertune.proof.verdict import verdict_line
-    from heatertune.proof.words_file import export_first
+    from heatertune.proof.words_file import export_first, exported_names
 
     again = None if common.wants_proof(settings) else _exported_again(settings)
     proven = again or _proven(settings)
     document = proven["words"]
     documents = {"words.json": to_json(document), "proof.json": to_json(proven["proof"])}
-    gone = ["words.json", "proof.json"]
+    gone = ["words.json", "proof.json", *exported_names(data_folder(settings.out) / "words.json")]
     if proven["pid"] is not None:
         documents["pid.json"] = to_json(proven["pid"])
     else:  # that of other words must not lie next to these

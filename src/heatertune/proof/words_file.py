@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -37,8 +39,8 @@ from heatertune.proof.verdict import (
 )
 
 __all__ = [
-    "WORDS_SCHEMA", "WholeWordsView", "certificate", "demand_same_words", "export_first", "pwm_period_in",
-    "read_words", "words_in", "words_of",
+    "WORDS_SCHEMA", "WholeWordsView", "certificate", "demand_same_words", "export_first", "exported_names",
+    "pwm_period_in", "read_words", "words_in", "words_of",
 ]
 
 WORDS_SCHEMA: Final = "heatertune/words/2"
@@ -216,6 +218,17 @@ def certificate(proof: Document, *, force: bool = False) -> Certificate:
                        setpoint_degC=proof["scenario"]["setpoint_degC"], actuator=Actuator(**proof["actuator"]),
                        specification=None if spec is None else spec["name"], switches=proof["stated_settings"],
                        relaxed=relaxed_clause(proof))
+
+
+def exported_names(path: Path) -> list[str]:
+    """Return the names of the files that a design exported beside its document, none where nothing tells.
+
+    Those of an earlier design must not lie beside the record of a new one, which may fail or be for another controller.
+    """
+    with suppress(OSError, ValueError, KeyError, TypeError):
+        names = json.loads(path.read_text(encoding="utf-8"))["files"]
+        return [name for name in names if isinstance(name, str) and Path(name).name == name]
+    return []
 
 
 def export_first(words: Document, proof: Document) -> dict[str, Any]:

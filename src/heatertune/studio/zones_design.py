@@ -39,7 +39,7 @@ from heatertune.zones.joint_proof import JointProof, specification_for
 from heatertune.zones.zone_export import demand_pass, demand_program
 from heatertune.zones.zone_reader import numbers_in, read_zones, zones_in
 from heatertune.zones.zone_record import block_of_zone, design_files
-from heatertune.zones.zones_folder import prove_again, read_zones_design, to_document
+from heatertune.zones.zones_folder import prove_again, read_zones_design
 
 __all__ = [
     "DesignedZones", "ZonesRequest", "criteria_html", "design_of", "heaters_html", "parameters_html", "request_html",
@@ -161,7 +161,7 @@ class DesignedZones:
 
     def files(self, *, force: bool) -> dict[str, str | bytes]:
         """Return the programs, the document and the record; errors as `export_zones`."""
-        return design_files(self.proof, to_document(self.proof), force=force)
+        return design_files(self.proof, force=force)
 
     def zip(self, *, force: bool) -> bytes:
         """Return the files as one archive; raise ExportRefused where the verdict is not PASS and it is not forced."""

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import argparse
+import json
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from heatertune import options
 from heatertune.cli import common, printing
+from heatertune.codec import ZONES_FILE
 from heatertune.errors import InputError
 from heatertune.proof.design_request import with_printer_range
+from heatertune.proof.words_file import exported_names
 from heatertune.settings import FitSettings, SampleSettings, WordSettings
 from heatertune.writing import write_files
 from heatertune.zones.identify import FittedNetwork, fit_network
@@ -20,7 +24,6 @@ from heatertune.zones.joint_proof import JointProof, ZoneSpecification, specific
 from heatertune.zones.zone_export import demand_program
 from heatertune.zones.zone_reader import numbers_in, read_zones
 from heatertune.zones.zone_record import design_files
-from heatertune.zones.zones_folder import to_document
 
 __all__ = ["run"]
 
@@ -56,8 +59,9 @@ def run(settings: argparse.Namespace) -> int:
         fitted, request.target, scaling=request.scaling, structure=request.tune_settings.structure,
         sample_time_s=request.tune_settings.sample_time_s, conditions=request.conditions,
         specification=_specification(settings, fitted, request.conditions))
-    document = to_document(proof)
-    write_files(settings.out, design_files(proof, document, force=settings.force))
+    files, earlier = design_files(proof, force=settings.force), Path(settings.out) / ZONES_FILE
+    write_files(settings.out, files, gone=exported_names(earlier))
+    document = json.loads(files[ZONES_FILE])
     text = f"{fitted.summary()}\n{_parameters(proof)}\n{proof.summary()}\nwritten to {settings.out}"
     brief = f"{_parameters(proof)}\n{proof.brief()}\nwritten to {settings.out}"
     printing.output(settings, document, lambda: text, brief=lambda: brief)

@@ -16,6 +16,7 @@ from heatertune.report.plots import new_figure
 from heatertune.report.report_text import figure
 from heatertune.zones.joint_proof import JointProof
 from heatertune.zones.zone_export import export_zones, text_of_zone
+from heatertune.zones.zones_folder import to_document
 
 __all__ = ["block_of_zone", "design_files", "zone_record"]
 
@@ -29,18 +30,18 @@ _ACCEPTANCE: Final = (
     "Switch one zone off and on again; its neighbours return to their setpoints.")
 
 
-def design_files(proof: JointProof, document: Mapping[str, object], *, force: bool) -> dict[str, str | bytes]:
+def design_files(proof: JointProof, *, force: bool) -> dict[str, str | bytes]:
     """Return the files of a design of zones: document, record, and the programs of a PASS or where it is forced.
 
     Args:
         proof: of all zones together.
-        document: of the proof.
         force: export although the verdict is not PASS.
 
     Raises:
         ExportRefused, InputError: as `export_zones`.
     """
     programs = export_zones(proof, force=force) if force or proof.verdict == "PASS" else {}
+    document = to_document(proof, programs)
     return {ZONES_FILE: to_json(document), **programs, "record.html": zone_record(proof, document, list(programs))}
 
 

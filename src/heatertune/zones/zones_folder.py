@@ -6,7 +6,7 @@ from the recorded network and proven again under the recorded conditions.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -158,8 +158,8 @@ class ZonesDesign:
         return self.provenance.conditions
 
 
-def to_document(proof: JointProof) -> Mapping[str, object]:
-    """Return the network, the words of all zones and their proof as a JSON document, its digest last."""
+def to_document(proof: JointProof, files: Iterable[str] = ()) -> Mapping[str, object]:
+    """Return network, words of all zones, their proof and exported files as a JSON document, its digest last."""
     fitted, network = proof.fitted, proof.fitted.network
     provenance = ZonesProvenance(
         structure=proof.design.structure, ms_zones=proof.design.ms_zones, scaling=proof.words[0].scaling,
@@ -191,7 +191,7 @@ def to_document(proof: JointProof) -> Mapping[str, object]:
         "not_tested": list(proof.not_tested),
         "peak_heaters": proof.peak_heaters, "peak_kw": proof.peak_kw, "heaters_bound": proof.heaters_bound,
         "bound_share": proof.bound_share, "settle_s": proof.settle_s, "heat_s": proof.heat_s,
-        "provenance": encode(provenance),
+        "files": sorted(files), "provenance": encode(provenance),
     })
 
 
