@@ -346,7 +346,7 @@ def test_a_heat_up_from_cold_to_a_lower_setpoint_that_overshoots_more_than_its_l
     proof = prove(words, fitted, setpoint_degC=(60.0, 70.0))
     # a restart of the PLC with the heater cold, among the events at lower setpoints, is the same heat-up
     assert (proof.verdict, [finding.name for finding in proof.diagnostics.findings]) == ("NOT PROVEN", ["low-outage", "low-heat-up"])
-    assert "(restart-overshoot)" in proof.diagnostics.findings[0].message
+    assert "(restart overshoot)" in proof.diagnostics.findings[0].message
     assert prove(words, fitted, setpoint_degC=(69.0, 70.0)).verdict == "PASS"  # the smaller range that the finding names
     allowed = f"overshoot={math.ceil(100.0 * lower / 48.0) + 2}%"
     assert prove(words, fitted, setpoint_degC=(60.0, 70.0), limit=(allowed,)).verdict == "PASS"
@@ -483,3 +483,7 @@ def test_a_restart_under_a_load_that_overshoots_more_than_its_limit_blocks():
     proof = prove(words, fitted, setpoint_degC=52.0)
     assert "outage-under-load" in [finding.name for finding in proof.diagnostics.findings]
     assert "warm-restart" not in [finding.name for finding in proof.diagnostics.findings]
+    told = KINDS["outage-under-load"].remedy
+    assert "--limit reheat-overshoot, or overshoot for a restart" in told
+    allowed = prove(words, fitted, setpoint_degC=52.0, limit=("overshoot=30%", "reheat-overshoot=50%"))
+    assert "outage-under-load" not in [finding.name for finding in allowed.diagnostics.findings]

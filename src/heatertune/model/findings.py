@@ -116,12 +116,12 @@ KINDS: Final[dict[str, FindingKind]] = {
     "low-outage": FindingKind(
         "blocks", "it exceeds its overshoot limit after an open circuit, a restart, a load or cold goods at a lower "
                   "setpoint of use",
-        "state a smaller range (--setpoint), allow that overshoot (--limit reheat-overshoot, restart-overshoot or "
-        "recovery-overshoot), or keep it in manual while the circuit is open"),
+        "state a smaller range (--setpoint), allow that overshoot (--limit reheat-overshoot, recovery-overshoot, or "
+        "overshoot for a restart), or keep it in manual while the circuit is open"),
     "outage-under-load": FindingKind(
         "blocks", "it exceeds its overshoot limit after an open circuit or a restart while a load is held",
-        "allow that overshoot (--limit reheat-overshoot or restart-overshoot), or keep it in manual until the load is "
-        "taken away"),
+        "allow that overshoot (--limit reheat-overshoot, or overshoot for a restart), or keep it in manual until the "
+        "load is taken away"),
     "loaded-outage": FindingKind(
         "blocks", "it does not come to rest after an open circuit or a restart while a load is held: its boost starts "
                   "again and again",

@@ -359,7 +359,7 @@ class LongOutage(NamedTuple):
             return []
         grows = worst.name == _GROWTH and math.isfinite(worst.value)
         beyond = worst.name in OVERSHOOTS[self.name]
-        which = f" ({worst.name.replace('_', '-')})" if self.name in _SEVERAL else ""
+        which = f" ({worst.name.replace('_', ' ')})" if self.name in _SEVERAL else ""
         does = (f"overshoots by {worst.value:.3g} {worst.unit}{which}" if beyond else
                 f"takes {written(worst.value / 60.0, 2)} min longer to return" if grows else "does not come to rest")
         return [Finding(name=self.name, message=f"{self.summary} it {does}{self.limits_kept}.")]
