@@ -19,7 +19,7 @@ from heatertune.processors import ProgressCallback
 from heatertune.proof import Proof, prove
 from heatertune.proof.criteria import band_of, names_of
 from heatertune.proof.heaters import labelled_heaters
-from heatertune.proof.long_outage import sums_up
+from heatertune.proof.long_outage import sums_up, winds_up
 from heatertune.proof.phase_statistics import beyond_degC, offset_degC, settling_s, swing_degC
 from heatertune.proof.prove_words import RunScreen
 from heatertune.proof.runs import judge_once
@@ -300,7 +300,7 @@ class _Search:
             proof = prove(words, self.fitted_model, self.conditions)
             if any(not criterion.ok for criterion in proof.criteria if criterion.name in self.kept_limits):
                 watched = watched.with_failed(proof)
-            elif sums_up(proof.diagnostics):
+            elif winds_up(proof.diagnostics):
                 wound, watched = wound or proof, watched.with_nights([proof])
             else:
                 ends = wound is None or _sum_ends(proof, [wound], self.fitted_model, self.conditions)
