@@ -48,10 +48,7 @@ def test_a_design_that_fails_takes_the_programs_of_one_that_passed_away(tmp_path
         f"{time},{22.0 + 0.9 * 50.0 * (1.0 - 2.718281828 ** (-max(0.0, time - 12.0) / 167.0)):.3f},50" for time in range(0, 1500, 4)), encoding="utf-8")
     out = tmp_path / "out"
     asked = ["design", str(log), "--target", "s7-300", "--setpoint", "50", "--out", str(out), "--ambient", "22", "--quiet"]
-    first = main(asked)
-    assert (first, "s7_300_pid.awl" in _programs(out)) in {(0, True), (1, False)}
-    if first:  # this log leaves something open: forced, the program is there all the same
-        assert main([*asked, "--force"]) == 1
+    assert main([*asked, "--force"]) in {0, 1}  # the program is there, whatever this log leaves open
     assert "s7_300_pid.awl" in _programs(out)
     assert main([*asked, "--limit", "overshoot=0.001%"]) == 1
     assert _programs(out) == {"report.html"}
@@ -59,9 +56,9 @@ def test_a_design_that_fails_takes_the_programs_of_one_that_passed_away(tmp_path
     capsys.readouterr()
 
 
-@pytest.mark.parametrize("text", [None, "", "[]", "{}", '{"files": 3}', '{"files": ["../other", 5, "a/b", ""]}', "\x00"])
+@pytest.mark.parametrize("text", [None, "", "[]", "{}", '{"files": 3}', '{"files": ["../other", 5, "a/b", ""]}', "\x00", "[" * 100_000])
 def test_a_document_that_tells_no_names_takes_nothing_away(tmp_path, text):
     path = tmp_path / Path(ZONES_FILE).name
     if text is not None:
         path.write_text(text, encoding="utf-8")
-    assert exported_names(path) in ([], [""])
+    assert exported_names(path) == []

@@ -225,9 +225,9 @@ def exported_names(path: Path) -> list[str]:
 
     Those of an earlier design must not lie beside the record of a new one, which may fail or be for another controller.
     """
-    with suppress(OSError, ValueError, KeyError, TypeError):
+    with suppress(OSError, ValueError, KeyError, TypeError, RecursionError):
         names = json.loads(path.read_text(encoding="utf-8"))["files"]
-        return [name for name in names if isinstance(name, str) and Path(name).name == name]
+        return [name for name in names if isinstance(name, str) and name and Path(name).name == name]
     return []
 
 
