@@ -170,7 +170,8 @@ def plainly(
     stage("proof")
     progress(f"proving the parameters on {count(len(fitted.plants), 'plausible heater')}")
     proof, notes = prove_ramped(
-        choice.words, fitted, request.setpoint_ramp, conditions, plain=plain, text=text, progress=progress)
+        choice.words, fitted, request.setpoint_ramp, conditions, plain=plain, gains_open=not request.as_is, text=text,
+        progress=progress)
     return DesignResult(ideal=wished, choice=choice, proof=proof, notes=tuple(notes), conditions=conditions,
                   recipe=_recipe(request, proof, conditions))
 

@@ -6,7 +6,7 @@ The gains stay those of the optimum, and with them what a disturbance costs; the
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -26,6 +26,7 @@ from heatertune.proof.runs import judge_once
 from heatertune.proof.scenario import TO_SETPOINT
 from heatertune.proof.scenario import conditions as conditions_of
 from heatertune.proof.text_comparison import as_exported
+from heatertune.proof.verdict import FitDiagnostics
 from heatertune.settings import Conditions
 from heatertune.units import written
 
@@ -64,7 +65,7 @@ BY_RAMP: Final = OVERSHOOTS | REHEATS | _LEFT_BEHIND
 
 def prove_ramped(
     words: Words, fitted: FittedModel, ramp: float | str | None = None, conditions: Conditions | None = None, *,
-    plain: Proof | None = None, text: bool = True, progress: ProgressCallback = str,
+    plain: Proof | None = None, gains_open: bool = False, text: bool = True, progress: ProgressCallback = str,
 ) -> tuple[Proof, list[str]]:
     """Return the proof of words with a setpoint ramp, its words with the ramp, and what is to be told about it.
 
@@ -76,6 +77,7 @@ def prove_ramped(
             where nothing but these limits is broken, told what "auto" would find. It takes the place of a boost.
         conditions: of the proof.
         plain: the proof of these words under these conditions without a ramp, where there is one already.
+        gains_open: whether other gains are tried where a ramp leaves what those mend; else a slower ramp is looked for.
         text: whether the exported text is run, too, see `as_exported`.
         progress: told what begins.
 
@@ -83,7 +85,7 @@ def prove_ramped(
         InputError: a ramp for a controller that has none, or as `prove`.
         OutOfRange, UnknownName: as `prove`; a rate that the controller cannot have.
     """
-    proof, told = _ramped(words, fitted, ramp, conditions, plain, progress)
+    proof, told = _ramped(words, fitted, ramp, conditions, plain, sums_up if gains_open else winds_up, progress)
     return as_exported(proof) if text else proof, told
 
 
@@ -130,15 +132,14 @@ def slow_ramps(proof: Proof, fitted: FittedModel) -> Iterator[Words]:
     """
     side = -1.0 if cools(fitted) else 1.0
     hold_degC = side * _SHORT_HOLD * band_of(proof.limits, proof.nominal.resolution_degC)
-    search = _Search(
-        plain=proof, fitted_model=fitted, conditions=Conditions(), kept_limits=BY_RAMP, hold_degC=hold_degC)
+    search = _Search(plain=proof, fitted_model=fitted, conditions=Conditions(), hold_degC=hold_degC)
     yield from filter(None, (search.with_duration(share * search.longest_s) for share in _SLOW))
 
 
 @judge_once()
 def _ramped(
     words: Words, fitted: FittedModel, ramp: float | str | None, conditions: Conditions | None, plain: Proof | None,
-    progress: ProgressCallback,
+    wound: Callable[[FitDiagnostics], bool], progress: ProgressCallback,
 ) -> tuple[Proof, list[str]]:
     words, controller = _with_ramp(words, ramp), controller_for(words.target)
     if plain is None or plain.words != words:
@@ -151,7 +152,8 @@ def _ramped(
     if not helps or not controller.has_ramp:
         return plain, [_why_none(plain, sorted(broken), ramped=controller.has_ramp)] if ramp == "auto" else []
     progress("looking for the fastest setpoint ramp that keeps the limit on overshoot")
-    ramped = _cheapest(plain, fitted, conditions or Conditions(), broken)
+    search = _Search(plain=plain, fitted_model=fitted, conditions=conditions or Conditions(), winds_up=wound)
+    ramped = _cheapest(search, broken)
     if ramped is None:
         return plain, ["No setpoint ramp that ends half way to the disturbance keeps the limit on overshoot."]
     price = _told(plain, ramped)
@@ -170,38 +172,20 @@ def _with_ramp(words: Words, ramp: float | str | None) -> Words:
     return words if ramp is None else replace(words, ramp=None, boost=words.boost if ramp == "none" else None)
 
 
-def _cheapest(plain: Proof, fitted: FittedModel, conditions: Conditions, broken: set[str]) -> Proof | None:
+def _cheapest(search: _Search, broken: set[str]) -> Proof | None:
     """Return the proof with the fastest ramp without holdback, with one that settles first where that passes alone."""
-    free = None if broken & REHEATS else _fastest(plain, fitted, conditions, broken)
-    if (free is not None and _passes(free)) or not broken <= BY_RAMP:
+    free = None if broken & REHEATS else _fastest(search, broken)
+    if (free is not None and search.passes(free)) or not broken <= BY_RAMP:
         return free
     wound = None if free is None or free.verdict == "FAIL" else free
-    side = -1.0 if cools(fitted) else 1.0
-    band = band_of(plain.limits, plain.nominal.resolution_degC)
+    side = -1.0 if cools(search.fitted_model) else 1.0
+    band = band_of(search.plain.limits, search.plain.nominal.resolution_degC)
     for holds in _HOLDS:
-        searches = [
-            _Search(plain=plain, fitted_model=fitted, conditions=conditions, kept_limits=BY_RAMP,
-                    hold_degC=side * times * band)
-            for times in holds]
-        held, wound_up = _soonest(searches)
-        if held is not None and (not wound_up or _sum_ends(held, wound_up, fitted, conditions)):
+        held, wound_up = _soonest([replace(search, hold_degC=side * times * band) for times in holds])
+        if held is not None and (not wound_up or search.sum_ends(held, wound_up)):
             return held
         wound = wound or next(iter(wound_up), None)
     return wound or free
-
-
-def _passes(proof: Proof) -> bool:
-    """Return whether a proof keeps every limit, after a longer open circuit, too."""
-    return proof.verdict != "FAIL" and not sums_up(proof.diagnostics)
-
-
-def _sum_ends(proof: Proof, wound_up: Sequence[Proof], fitted: FittedModel, conditions: Conditions) -> bool:
-    """Return whether a proof keeps its limits after far longer open circuits, too, in the runs in which others wind up.
-
-    A sum without an end breaks them after one that is long enough, however slow the ramp is.
-    """
-    screen = RunScreen(fitted_model=fitted, night_times=_FAR_LONGER).with_nights(wound_up)
-    return not screen.wound(proof.words, conditions)
 
 
 def _soonest(searches: Sequence[_Search]) -> tuple[Proof | None, list[Proof]]:
@@ -219,18 +203,18 @@ def _soonest(searches: Sequence[_Search]) -> tuple[Proof | None, list[Proof]]:
         ramped = search.fastest(None if best is None else _value(best, "settling_time"))
         if ramped is None or ramped.verdict == "FAIL":
             continue
-        if not _passes(ramped):
+        if not search.passes(ramped):
             wound_up.append(ramped)
         elif best is None or _value(ramped, "settling_time") < _value(best, "settling_time"):
             best = ramped
     return best, wound_up
 
 
-def _fastest(plain: Proof, fitted: FittedModel, conditions: Conditions, broken: set[str]) -> Proof | None:
+def _fastest(search: _Search, broken: set[str]) -> Proof | None:
     """Return the proof with the fastest ramp that mends all it can mend, else with the fastest that mends overshoot."""
     kept = OVERSHOOTS | _LEFT_BEHIND
     wanted = [kept, OVERSHOOTS] if broken & _LEFT_BEHIND and broken & OVERSHOOTS else [kept & (broken | OVERSHOOTS)]
-    searches = (_Search(plain=plain, fitted_model=fitted, conditions=conditions, kept_limits=names) for names in wanted)
+    searches = (replace(search, kept_limits=names) for names in wanted)
     return next((ramped for search in searches if (ramped := search.fastest()) is not None), None)
 
 
@@ -270,8 +254,21 @@ class _Search:
     plain: Proof
     fitted_model: FittedModel
     conditions: Conditions
-    kept_limits: frozenset[str]
+    kept_limits: frozenset[str] = BY_RAMP
     hold_degC: float | None = None
+    winds_up: Callable[[FitDiagnostics], bool] = winds_up
+
+    def passes(self, proof: Proof) -> bool:
+        """Return whether a proof keeps every limit, after a longer open circuit, too."""
+        return proof.verdict != "FAIL" and not self.winds_up(proof.diagnostics)
+
+    def sum_ends(self, proof: Proof, wound_up: Sequence[Proof]) -> bool:
+        """Return whether a proof keeps its limits after far longer open circuits, too, in the runs others wind up in.
+
+        A sum without an end breaks them after one that is long enough, however slow the ramp is.
+        """
+        screen = RunScreen(fitted_model=self.fitted_model, night_times=_FAR_LONGER).with_nights(wound_up)
+        return not screen.wound(proof.words, self.conditions)
 
     def settles_at_once(self) -> float | None:
         """Return after what time the worst runs settle with the fastest ramp there is [s]; None: they fail."""
@@ -300,10 +297,10 @@ class _Search:
             proof = prove(words, self.fitted_model, self.conditions)
             if any(not criterion.ok for criterion in proof.criteria if criterion.name in self.kept_limits):
                 watched = watched.with_failed(proof)
-            elif winds_up(proof.diagnostics):
+            elif self.winds_up(proof.diagnostics):
                 wound, watched = wound or proof, watched.with_nights([proof])
             else:
-                ends = wound is None or _sum_ends(proof, [wound], self.fitted_model, self.conditions)
+                ends = wound is None or self.sum_ends(proof, [wound])
                 return proof if ends else wound
         return wound
 
