@@ -60,7 +60,8 @@ KINDS: Final[dict[str, FindingKind]] = {
         "blocks", "the shape of the curve contradicts every model", "log the power, or one open-loop step"),
     "not-regulated": FindingKind(
         "blocks", "the log looks like an open-loop heat-up whose power was not logged",
-        "add the power as a column: full power in % while the heater was on, else 0"),
+        "add the power as a column: full power in % while the heater was on, else 0; or state at which temperature it "
+        "was switched off (--thermostat ROOM OFF)"),
     "two-level": FindingKind(
         "blocks", "the log looks like two-level control whose power was not logged",
         "state that it switches full power (--thermostat LOW HIGH), or add the power as a column: full power in % "

@@ -300,6 +300,8 @@ _TURNS_OFTEN: Final = 0.4  # share of the rows at which the temperature turns
 _STEPS_AT_ONCE: Final = 4.0  # steps of the reading from row to row
 _FEWER_MOVES: Final = (3.0, 1.5)  # the same, if that finds none
 _FLAT: Final = 2.0  # standard deviations about a turning point that are one with it
+_RISEN: Final = 0.02  # of the span, above the first reading: a heater that was off at first is on
+_RESTS: Final = 5  # rows at least, of a heater that is off at first
 
 
 class OscillationStats(NamedTuple):
@@ -412,16 +414,21 @@ def _most_turns(log: Log, least_degC: float) -> tuple[npt.NDArray[np.intp], int]
     return best, chosen
 
 
-def switching_guess(log: Log) -> SwitchingGuess:
-    """Return the turning points of a log, with as much smoothing as shows most of them."""
+def switching_guess(log: Log, *, is_stated: bool) -> SwitchingGuess:
+    """Return the turning points of a log, with as much smoothing as shows most of them.
+
+    Args:
+        log: without power.
+        is_stated: whether two-level control is stated: a single turn is one then, and none is sought in the noise.
+    """
     usual = quiet_noise_degC(log)
     for moves in (_MOVES, *_FEWER_MOVES):  # few rows to a swing: it is its own "noise"
         best, chosen = _most_turns(log, moves * usual)
-        if len(best) >= _TURNS:
+        inner = [int(place) for place in best[:-1] if place > 1]  # the last extreme is that of the log's end
+        if len(best) >= _TURNS or (is_stated and inner):
             break
     time, y = _smoothed(log, chosen)
     noise = usual / math.sqrt(chosen)
-    inner = [int(place) for place in best[:-1] if place > 1]  # the last extreme is that of the log's end
     if not inner:
         return SwitchingGuess(np.empty(0), (), bool(y[-1] > y[0]))
     is_on = bool(y[inner[0]] > y[0])
@@ -435,6 +442,9 @@ def switching_guess(log: Log) -> SwitchingGuess:
         middle = int(flat[-1]) if number == 0 and not is_high else int(np.median(flat))
         instants.append(float(time[middle]))
         rows.append(min(place * chosen + chosen // 2, len(log.time_s) - 1))
+    rest = int(np.flatnonzero(log.temperature_degC <= log.temperature_degC[0] + _RISEN * np.ptp(y))[-1])
+    if is_stated and is_on and _RESTS <= rest < rows[0]:
+        is_on, instants, rows = False, [float(log.time_s[rest]), *instants], [rest, *rows]
     kept = [i for i, instant in enumerate(instants) if i == 0 or instant > instants[i - 1]]
     return SwitchingGuess(np.array(instants)[kept], tuple(rows), is_on) if len(kept) == len(instants) else (
         SwitchingGuess(time[inner], tuple(rows), is_on))
@@ -586,6 +596,19 @@ class Thermostat:
             raise OutOfRange("thermostat", min(given[2:]), ">= 0: a minimum time [s]")
         return cls(low_degC=given[0], high_degC=given[1], least_on_s=given[2] if len(given) > 2 else 0.0,
                    least_off_s=given[3] if len(given) > 3 else 0.0)
+
+    def crossings(self, log: Log) -> SwitchingGuess:
+        """Return where the readings reach the thresholds in turn: it switches there, or later by a minimum time."""
+        y, rows = log.temperature_degC, list[int]()
+        high, low = (np.flatnonzero(each) for each in (y >= self.high_degC, y <= self.low_degC))
+        is_on = bool(len(high)) and (not len(low) or low[0] == 0 or high[0] < low[0])
+        ahead, behind = (high, low) if is_on else (low, high)
+        row = 0
+        while len(after := ahead[ahead > row]):
+            row = int(after[0])
+            rows.append(row)
+            ahead, behind = behind, ahead
+        return SwitchingGuess(log.time_s[rows], tuple(rows), is_on)
 
 
 class Thresholds(NamedTuple):

@@ -243,8 +243,11 @@ def fit_two_level(log: Log, *, ambient_degC: tuple[float, float] | None, thermos
     """
     if thermostat is not None:
         _demand_thresholds(log, thermostat)
-    guess = switching_guess(log)
     is_stated = thermostat is not None
+    guess = switching_guess(log, is_stated=is_stated)
+    if thermostat is not None:
+        crossed = thermostat.crossings(log)
+        guess = guess if 0 < len(guess.instants) <= len(crossed.instants) + 1 else crossed
     if len(guess.instants) < (1 if is_stated else _FEWEST) or not (is_stated or _is_even(log, guess.rows, guess.is_on)):
         return None
     return _fit(log, guess.instants, guess.is_on, ambient_degC, thermostat=thermostat,

@@ -121,7 +121,8 @@ def _by_thresholds(solution: SwitchingSolution, fit: TwoLevelFit, offs: Array, m
         if not np.any(beyond >= -early):
             continue
         # the last time at which it was surely not yet beyond, and the first at which it surely is
-        highs.append(float(instant - grid[int(np.argmax(beyond >= -early))]))
+        if i > 0 or is_off:  # from cold it may have been switched on before the log began
+            highs.append(float(instant - grid[int(np.argmax(beyond >= -early))]))
         is_delayed = i > 0 and instant - before <= least + 2.0 * row and least > 0.0
         if np.any(beyond >= late) and not is_delayed and (i > 0 or is_off):
             lows.append(float(instant - grid[int(np.argmax(beyond >= late))]) - row)
