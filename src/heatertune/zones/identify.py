@@ -23,6 +23,7 @@ from heatertune.zones.network_fit import (
     NetworkFit,
     NetworkProblem,
     ParameterLayout,
+    explanation_gain,
     fit_supply,
     most_below,
     variance_inflation,
@@ -40,6 +41,7 @@ _COLDER: Final = 0.02  # exchange below 0 that cannot be the noise of a weak one
 _NO_HEATER: Final = 1e3  # ratio of an end of an interval to the gain or lag, from which on nothing is known of it
 _LONGEST_LAG: Final = 1e3  # times a log's length: a heater that is slower is none, its readings are a ramp
 _FROM_REST: Final = "log a step of each zone's power, one after the other, each until all temperatures are steady"
+_SIGNIFICANT: Final = 25.0  # points that couplings beyond a chain have to gain: five standard errors
 _GAP_TIMES: Final = 5.0  # intervals without a row are a gap
 _MOST_GAPS: Final = 3  # that are looked at, the longest
 _MOST_ON_SUPPLY: Final = 4  # zones for which a shared supply is looked for
@@ -287,10 +289,15 @@ def _fit(log: ZoneLog, structure: str | None) -> FittedNetwork:
     count = len(log.zones)
     pairs = neighbours(structure or ("free" if count <= _FREE_UP_TO else "chain"), count)
     whole = _problem_of(log)
-    layout = ParameterLayout(count, pairs, second=False)
-    problem, fitted = whole.timed(whole.fit(layout, whole.start(layout)))
-    if structure is None and count > _FREE_UP_TO:
-        fitted = problem.with_further_couplings(fitted)
+    layout, is_open = ParameterLayout(count, pairs, second=False), structure is None and count > _FREE_UP_TO
+    if is_open and not whole.is_explained_by(pairs):
+        problem, fitted = _with_clear_couplings(whole, layout)
+    else:
+        problem, fitted = whole.timed(whole.fit(layout, whole.start(layout)))
+        if is_open and problem.lacks_couplings(fitted):
+            timed, free = _with_clear_couplings(whole, layout)
+            if explanation_gain(fitted, free) > _SIGNIFICANT:
+                problem, fitted = timed, free
     wider = problem.with_second_lags(fitted)
     result = _result_or_error(log, problem, wider)
     if _is_unexplained(result):
@@ -298,6 +305,13 @@ def _fit(log: ZoneLog, structure: str | None) -> FittedNetwork:
     if isinstance(result, InputError):
         raise result
     return result
+
+
+def _with_clear_couplings(whole: NetworkProblem, layout: ParameterLayout) -> tuple[NetworkProblem, NetworkFit]:
+    """Return the fit with the couplings beyond a layout that the log shows clearly, however the zones are listed."""
+    free = layout._replace(pairs=neighbours("free", layout.size))
+    timed, fit = whole.timed(whole.fit(free, whole.start(free)))
+    return timed, timed.with_clear_couplings(fit, layout.pairs)
 
 
 def _result_or_error(log: ZoneLog, problem: NetworkProblem, fit: NetworkFit) -> FittedNetwork | InputError:

@@ -366,9 +366,7 @@ def _decay(rate: complex, lasts_s: float) -> complex:
     return complex(left * math.cos(rate.imag * lasts_s), left * math.sin(rate.imag * lasts_s))
 
 
-def _peak(
-    memory: ZoneMemory, network: NetworkArrays, zone: int, lasts_s: float, first: float, last: float
-) -> float:
+def _peak(memory: ZoneMemory, network: NetworkArrays, zone: int, lasts_s: float, first: float, last: float) -> float:
     """Return the temperature where a zone's slope changes its sign, of the slopes at begin and end [°C]."""
     low, high, temperature = 0.0, lasts_s, 0.0
     for _ in range(_REFINED):

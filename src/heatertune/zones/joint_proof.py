@@ -559,8 +559,7 @@ class _Prover:
             holdable = kind == "off" and self._can_hold(network, others)
             events += [ZoneEvent(now, kind, zone), ZoneEvent(now + lasts, ends, zone)]
             phases += [_Phase(f"others with the zone {kind}", zone, now, now + lasts, idle=(zone,))] if holdable else []
-            again = 1.5 * wait + {"open": 0.0, "off": self._heat_up_s(network) - wait,
-                                  "stuck": cools}[kind]
+            again = 1.5 * wait + {"open": 0.0, "off": self._heat_up_s(network) - wait, "stuck": cools}[kind]
             phases.append(_Phase(f"after the zone was {kind}", zone, now + lasts, now + lasts + again))
             now += lasts + again
         return now

@@ -292,9 +292,7 @@ class ZonePower(NamedTuple):
         return self.first_pct - float(self.changes_pct @ np.expm1(-since / lag_s))
 
 
-def simulate_many(
-    cases: Sequence[tuple[Modes, Array, Array]], time_s: Array, courses: Sequence[ZonePower]
-) -> Array:
+def simulate_many(cases: Sequence[tuple[Modes, Array, Array]], time_s: Array, courses: Sequence[ZonePower]) -> Array:
     """Return the temperatures of several networks at the instants, shape (len(cases), len(time_s), n) [°C].
 
     Args:
