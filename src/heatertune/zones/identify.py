@@ -109,8 +109,6 @@ class ZoneLog:
         Raises:
             OutOfRange: too few rows.
         """
-        if from_s is until_s is None:
-            return self
         rows = ((self.time_s >= (-math.inf if from_s is None else from_s))
                 & (self.time_s <= (math.inf if until_s is None else until_s)))
         if np.count_nonzero(rows) < MIN_SAMPLES:

@@ -307,8 +307,7 @@ def _heat(memory: ZoneMemory, network: NetworkArrays, out: JointArrays, k: int, 
 def _arrival(memory: ZoneMemory, network: NetworkArrays, zone: int, source: int) -> float:
     """Return when a zone feels the next edge of another one, or of itself, behind its own dead time [s]."""
     later_s = network.dead_s[zone] - network.dead_s[source]
-    instant: float = memory.edges[source, memory.arrival_counts[zone, source]] + later_s
-    return instant
+    return float(memory.edges[source, memory.arrival_counts[zone, source]] + later_s)
 
 
 def _reaching(memory: ZoneMemory, network: NetworkArrays, zone: int) -> float:

@@ -318,8 +318,7 @@ def simulate_many(cases: Sequence[tuple[Modes, Array, Array]], time_s: Array, co
         states[0, case] = modes.inverse @ np.array(first)
     for row in range(len(span)):
         states[row + 1] = decay[row] * states[row] + heat[row]
-    temperatures: Array = np.array([(states[:, case] @ modes.outputs.T).real for case, (modes, *_) in enumerate(cases)])
-    return temperatures
+    return np.array([(states[:, case] @ modes.outputs.T).real for case, (modes, *_) in enumerate(cases)])
 
 
 def _heat_of(course: ZonePower, dead_s: float, time_s: Array, growth: Complex, rates: Complex) -> Complex:

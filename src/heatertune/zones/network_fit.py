@@ -142,11 +142,6 @@ class _HeatBalance(NamedTuple):
     dead_s: float
 
     @property
-    def of_power(self) -> float:
-        """By how much the power heats [°C/s per %]."""
-        return float(self.solution[2])
-
-    @property
     def is_heater(self) -> bool:
         """Whether the zone loses heat and its power heats it."""
         return bool(self.solution[1] < 0.0 < self.solution[2])
@@ -237,7 +232,7 @@ class NetworkProblem:
             if not best:
                 continue
             power = min(range(len(zones)), key=lambda number: best[number].squares)
-            if power == zone and best[zone].of_power < 0.0:
+            if power == zone and best[zone].solution[2] < 0.0:
                 yield (f"the power of zone {name!r} cools it, and zones are heaters: log it while the others rest, and "
                        "design it by itself with --cooler")
             elif best[power].is_heater and best[power].squares < _OTHERS * best[zone].squares:
@@ -612,7 +607,6 @@ def _with_shares(problem: NetworkProblem, shares: Array) -> NetworkProblem:
     """Return the problem with the powers that reach the heaters."""
     instants, places = np.unique(np.concatenate([course.instants_s for course in problem.courses]), return_index=True)
     spans = np.concatenate(problem.spans_s)[places]
-    assert len(spans) == len(instants)
     return replace(problem, courses=power_courses(problem.courses, shares), spans_s=[spans] * len(problem.courses))
 
 
