@@ -7,7 +7,9 @@ longer than lags. elements: a heating element in each zone. shield: each zone's 
 mass: all zones on one slow mass. hidden: an oven next to the zones warms up, and is not logged. drift: the ambient wanders. uneven:
 rows at random instants, and a gap. together: all powers move at the same instants, by shares of their own. short: steps of a third of
 what the zones need. coarse: readings of half a degree. pulses: powers logged as pulses of 0 and 100 %. by-thermostat: the log is one
-of thermostats. door: a zone loses heat for a while. five-on-supply: five heaters take power from each other.
+of thermostats. door: a zone loses heat for a while. five-on-supply: five heaters take power from each other. hot and cold: setpoints
+that need 60 to 85 %, or 3 to 8 %. pid: PID, not PI. relay: a PWM of 20 s with pulses of at least 1 s. seldom: called every 20 s.
+noisy: readings with 0.5 °C of noise.
 """
 
 import sys
@@ -20,12 +22,18 @@ import numpy as np
 
 from heatertune.errors import HeatertuneError
 from heatertune.plc import Scaling
+from heatertune.settings import Conditions
 from heatertune.zones import design_zones, fit_network
 from heatertune.zones.identify import ZoneLog
 from tests.bench.networks import TARGETS, complaint_of, on_one_supply
+from tests.bench.zone_judge import judge, settling
 from tests.zones.networks import at_rest, balance, drawn, logged, steps
 
 LOW_PCT, HIGH_PCT = 15.0, 65.0
+#: kind → powers between which the setpoints are held [%], and arguments of the design, where they are others
+HELD_PCT = {"hot": (60.0, 85.0), "cold": (3.0, 8.0)}
+SETTINGS = {"pid": {"structure": "pid"}, "seldom": {"sample_time_s": 20.0},
+            "relay": {"conditions": Conditions(pwm_period_s=20.0, minimum_on_s=1.0)}}
 
 
 @dataclass(frozen=True, slots=False, kw_only=True)
@@ -119,7 +127,8 @@ def _bodies(network, matrices, lags=None):
 
 #: kinds whose heaters differ; all others are two to four zones in a row with another log
 HEATERS = {each.__name__: each for each in (ring, slow, late, elements, shield, mass)}
-LOGS = ("hidden", "drift", "uneven", "together", "short", "coarse", "pulses", "by-thermostat", "door", "five-on-supply")
+LOGS = ("hidden", "drift", "uneven", "together", "short", "coarse", "pulses", "by-thermostat", "door", "five-on-supply", "hot", "cold", "pid", "relay", "seldom",
+        "noisy")
 KINDS = (*HEATERS, *LOGS)
 
 
@@ -183,6 +192,8 @@ def log_of(kind, network, random):
         reaching = powers * (1.0 - (lost.sum(axis=1, keepdims=True) - lost))
     instants, readings, _ = logged(true, powers if reaching is None else reaching, 1.0, 1, random, 0.03, warmer)
     readings, rows = readings[:, :count], np.arange(0, len(powers), 2)
+    if kind == "noisy":
+        readings = np.round(readings + random.normal(0.0, 0.5, readings.shape), 2)
     if kind == "coarse":
         readings = 0.5 * np.round(2.0 * readings)
     if kind == "uneven":
@@ -212,12 +223,17 @@ def case(kind, seed):
     network = heaters(kind, random)
     log = log_of(kind, network, random)
     cold, rise = at_rest(network)
-    setpoints = (cold + rise @ random.uniform(25.0, 40.0, len(network.zones))).round(1)
+    setpoints = (cold + rise @ random.uniform(*HELD_PCT.get(kind, (25.0, 40.0)), len(network.zones))).round(1)
     try:
-        proof = design_zones(fit_network(log), TARGETS[seed % 2], list(setpoints), scaling=Scaling(low_degC=0.0, high_degC=400.0))
+        proof = design_zones(fit_network(log), TARGETS[seed % 2], list(setpoints), scaling=Scaling(low_degC=0.0, high_degC=400.0),
+                             **SETTINGS.get(kind, {}))
     except HeatertuneError as problem:
         return Case("refused", "", time.process_time() - begun, str(problem))
-    complaint = complaint_of(network, proof, random) if proof.verdict == "PASS" else ""
+    complaint = ""
+    if proof.verdict == "PASS" and kind == "pid":  # the eigenvalues of the judge are those of PI
+        complaint = judge(network, proof, settle_s=settling(network, proof, proof.design.radius), seed=seed)
+    elif proof.verdict == "PASS":
+        complaint = complaint_of(network, proof, random)
     return Case(proof.verdict, complaint, time.process_time() - begun, proof.summary())
 
 

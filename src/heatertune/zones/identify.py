@@ -44,7 +44,6 @@ _FROM_REST: Final = "log a step of each zone's power, one after the other, each 
 _SIGNIFICANT: Final = 25.0  # points that couplings beyond a chain have to gain: five standard errors
 _GAP_TIMES: Final = 5.0  # intervals without a row are a gap
 _MOST_GAPS: Final = 3  # that are looked at, the longest
-_MOST_ON_SUPPLY: Final = 4  # zones for which a shared supply is looked for
 _COLOURED: Final = 4.0  # inflation of intervals by slow errors beyond which a log has more to explain
 _WIDE: Final = 4.0  # ratio of an interval's ends above which the log bounds nothing
 
@@ -336,8 +335,8 @@ def _with_shared_supply(
         fit: without second lags, from which the search begins.
         best: fit without a shared supply.
     """
-    supply = fit_supply(problem, fit) if len(log.zones) <= _MOST_ON_SUPPLY else None
-    if supply is None or not supply.explains_more(best):
+    supply = fit_supply(problem, fit)
+    if not supply.explains_more(best):
         return None
     result = _result_or_error(log, supply.problem, supply.whole)
     if isinstance(result, InputError) or any(finding.name == "poor-fit" for finding in result.findings):

@@ -605,7 +605,7 @@ def fit_supply(problem: NetworkProblem, fit: NetworkFit) -> SupplyFit:
 
 def _with_shares(problem: NetworkProblem, shares: Array) -> NetworkProblem:
     """Return the problem with the powers that reach the heaters."""
-    instants, places = np.unique(np.concatenate([course.instants_s for course in problem.courses]), return_index=True)
+    _, places = np.unique(np.concatenate([course.instants_s for course in problem.courses]), return_index=True)
     spans = np.concatenate(problem.spans_s)[places]
     return replace(problem, courses=power_courses(problem.courses, shares), spans_s=[spans] * len(problem.courses))
 
