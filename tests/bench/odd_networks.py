@@ -146,7 +146,8 @@ def course(kind, network, random):
     count = len(network.zones)
     slowest = int(6 * max(network.time_constants_s))
     length = int(2.0 * slowest + 1500 * count) if kind != "short" else int(0.3 * slowest) * (count + 1)
-    powers = np.vstack([steps(count, length, LOW_PCT, HIGH_PCT), np.full((slowest // (4 if kind == "short" else 1), count), 45.0)])
+    last = np.full((slowest // (4 if kind == "short" else 1), count), 90.0 if kind == "hot" else 45.0)
+    powers = np.vstack([steps(count, length, LOW_PCT, HIGH_PCT), last])
     if kind == "together":
         shares = random.uniform(0.3, 1.0, count)
         powers = LOW_PCT + (powers.max(axis=1, keepdims=True) - LOW_PCT) * shares
