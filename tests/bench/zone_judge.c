@@ -6,10 +6,10 @@
 #include "second_opinion.c"
 
 typedef struct {
-    int zones, scans;                      /* of the run */
+    int zones, bodies, scans;              /* of the run; the first bodies are the zones */
     double h;                              /* [s] */
     int64_t scan, period;                  /* [steps] */
-    const double *move, *drive, *constant; /* T(t + h) = move T + drive u + constant, n x n, n x n, n; u [%] */
+    const double *move, *drive, *constant; /* T(t + h) = move T + drive u + constant, m x m, m x n, m; u [%] */
     const double *dead;                    /* of each zone, with the controller's own delay [s] */
     const double *asked, *load, *noise;    /* of each scan and zone [degC, %, degC] */
     const double *shares;                  /* that all others lose while a heater is on; dead times are equal where any do */
@@ -86,10 +86,10 @@ static void powers_within(Zone *zones, int n, const double *shares, double from,
 /* temperatures: of each scan and zone; highest: of each scan up to the next one; start: of each zone; 1: too many pulses */
 int zone_judge(const Network *w, const Case *cases, const double *start, double *temperatures, double *highest, double *powers)
 {
-    int n = w->zones, wrong = 0;
+    int n = w->zones, m = w->bodies, wrong = 0;
     Zone *zones = calloc((size_t)n, sizeof *zones);
-    double t[16], next[16], u[16];
-    memcpy(t, start, (size_t)n * sizeof *t);
+    double t[64], next[64], u[64];
+    memcpy(t, start, (size_t)m * sizeof *t);
     int64_t steps = (int64_t)w->scans * w->scan;
     for (int64_t k = 0; k < steps && !wrong; k++) {
         int64_t s = k / w->scan;
@@ -108,14 +108,14 @@ int zone_judge(const Network *w, const Case *cases, const double *start, double 
         if (w->shares) powers_within(zones, n, w->shares, now, w->h, u);
         else for (int i = 0; i < n; i++) u[i] = zone_power(&zones[i], now, w->h);
         for (int i = 0; i < n; i++) u[i] = 100.0 * u[i] - w->load[s * n + i];
-        for (int i = 0; i < n; i++) {
+        for (int i = 0; i < m; i++) {
             next[i] = w->constant[i];
-            for (int j = 0; j < n; j++) next[i] += w->move[i * n + j] * t[j] + w->drive[i * n + j] * u[j];
+            for (int j = 0; j < m; j++) next[i] += w->move[i * m + j] * t[j];
+            for (int j = 0; j < n; j++) next[i] += w->drive[i * n + j] * u[j];
         }
-        for (int i = 0; i < n; i++) {
-            t[i] = next[i];
+        memcpy(t, next, (size_t)m * sizeof *t);
+        for (int i = 0; i < n; i++)
             if (t[i] > highest[s * n + i]) highest[s * n + i] = t[i];
-        }
     }
     free(zones);
     return wrong;

@@ -1,6 +1,7 @@
 """Zones a second time, with the words, readings and PWM of second_opinion.c: a judge that shares nothing with the proof.
 
-The network is a heat balance in SciPy's matrix exponential (tests/zones/networks.py). The day: all zones heat up together;
+The network is a heat balance in SciPy's matrix exponential (tests/zones/networks.py), with further bodies behind the zones
+where it has any. The day: all zones heat up together;
 then of each zone a higher setpoint and back, and a load and its end; readings are noisy. Temperatures are judged, not
 readings, by the limits of the proof's own specification.
 """
@@ -15,10 +16,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import expm
 
 from tests.bench.second_opinion import SWITCHES, TARGETS, _Case
-from tests.zones.networks import balance
+from tests.zones.networks import at_rest, balance, stepped
 
 WORDS = {"s7-300": ("GAIN", "RATE", "RESET", "SAMPLE"), "s5-ob251": ("K", "R", "TI", "TD", "BGOG", "BGUG")}
 SLACK = 1.02  # of a limit, beside one count of the reading
@@ -28,7 +28,7 @@ _STEP_S = 0.25
 
 
 class _Network(ctypes.Structure):
-    _fields_ = (("zones", ctypes.c_int), ("scans", ctypes.c_int), ("h", ctypes.c_double), ("scan", ctypes.c_int64),
+    _fields_ = (("zones", ctypes.c_int), ("bodies", ctypes.c_int), ("scans", ctypes.c_int), ("h", ctypes.c_double), ("scan", ctypes.c_int64),
                 ("period", ctypes.c_int64), *((name, ctypes.c_void_p) for name in (
                     "move", "drive", "constant", "dead", "asked", "load", "noise", "shares")))
 
@@ -69,7 +69,7 @@ def judge(network, proof, *, settle_s, noise_degC=0.03, seed=0, settings=None):
         network, proof, settle_s=settle_s, noise_degC=noise_degC, seed=seed, settings=settings)
     low, high = proof.words[0].scaling.sensor_degC
     count = (high - low) / TARGETS[proof.words[0].target][1]
-    ambient = np.linalg.solve(balance(network)[0], -balance(network)[2])
+    ambient, _ = at_rest(network)
     for phase in phases:
         part = slice(phase.first, phase.end)
         complaint = broken(phase, temperatures[part] - asked[part], highest[part] - asked[part], proof.specification,
@@ -87,10 +87,8 @@ def live(network, proof, *, settle_s, noise_degC, seed, settings):
     h = interval / ratio.denominator
     parts = math.ceil(h / _STEP_S)
     h /= parts
-    states, inputs, constant = balance(network)
-    block = np.zeros((2 * count, 2 * count))
-    block[:count, :count], block[:count, count:] = states, np.eye(count)
-    exact = expm(block * h)
+    states, _, constant = balance(network)
+    move, drive, still = stepped(network, h)
     phases, asked, load = _day(network, spec, math.ceil(settle_s / interval))
     number, counts, delay = TARGETS[words[0].target]
     switches = settings or {name: choices[0] for name, choices in SWITCHES[words[0].target].items()}
@@ -102,13 +100,12 @@ def live(network, proof, *, settle_s, noise_degC, seed, settings):
         resolution=actuator.resolution_s, least_on=actuator.minimum_on_s, least_off=actuator.minimum_off_s,
         carries=actuator.minimum_rule == "carry") for each in words))
     noise = np.random.default_rng(seed).normal(0.0, noise_degC, asked.shape) if noise_degC else np.zeros(asked.shape)
-    arrays = {"move": exact[:count, :count], "drive": exact[:count, count:] @ inputs,
-              "constant": exact[:count, count:] @ constant, "dead": np.array(network.dead_times_s) + delay,
+    arrays = {"move": move, "drive": drive, "constant": still, "dead": np.array(network.dead_times_s) + delay,
               "asked": asked, "load": load, "noise": noise}
     if any(network.supply_shares):
         arrays["shares"] = np.array(network.supply_shares)
     arrays = {name: np.ascontiguousarray(array, dtype=np.float64) for name, array in arrays.items()}
-    outline = _Network(zones=count, scans=len(asked), h=h, scan=ratio.denominator * parts, period=ratio.numerator * parts,
+    outline = _Network(zones=count, bodies=len(still), scans=len(asked), h=h, scan=ratio.denominator * parts, period=ratio.numerator * parts,
                        **{name: array.ctypes.data for name, array in arrays.items()})
     rest = np.linalg.solve(states, -constant)
     found = [np.zeros(asked.shape) for _ in range(3)]
@@ -118,9 +115,9 @@ def live(network, proof, *, settle_s, noise_degC, seed, settings):
 
 
 def _day(network, spec, scans):
-    states, inputs, constant = balance(network)
     setpoint, count = np.array(spec.setpoints_degC), len(network.zones)
-    held = np.linalg.solve(inputs, -(states @ setpoint + constant))
+    cold, rise = at_rest(network)
+    held = np.linalg.solve(rise, setpoint - cold)
     phases, asked, load = [], [], []
 
     def part(kind, zone, change=0.0, burden=0.0, times=1):
@@ -148,9 +145,8 @@ def _day(network, spec, scans):
 
 def room(network, setpoint, zone):
     """Return by how much a zone's setpoint can rise before a neighbour needs no power, or it needs more than all [°C]."""
-    states, inputs, constant = balance(network)
-    base = np.linalg.solve(inputs, -(states @ setpoint + constant))
-    slope = np.linalg.solve(inputs, -states[:, zone])
+    cold, rise = at_rest(network)
+    base, slope = np.linalg.solve(rise, setpoint - cold), np.linalg.inv(rise)[:, zone]
     limits = [(base[i] - 1.0) / -slope[i] if slope[i] < 0.0 else (95.0 - base[i]) / slope[i]
               for i in range(len(base)) if slope[i]]
     return max(min(limits), 0.0)

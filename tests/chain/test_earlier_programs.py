@@ -3,7 +3,9 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
+from tests.zones.networks import chain, logged, steps
 
 from heatertune.cli import main
 from heatertune.codec import ZONES_FILE
@@ -56,9 +58,28 @@ def test_a_design_that_fails_takes_the_programs_of_one_that_passed_away(tmp_path
     capsys.readouterr()
 
 
-@pytest.mark.parametrize("text", [None, "", "[]", "{}", '{"files": 3}', '{"files": ["../other", 5, "a/b", ""]}', "\x00", "[" * 100_000])
+@pytest.mark.parametrize("text", [None, "", "[]", "{}", '{"files": 3}', '{"files": ["../other", 5, "a/b", "zone1_a/../b", "zone1_a/b/c", "/zone1_a/b", ""]}', "\x00", "[" * 100_000])
 def test_a_document_that_tells_no_names_takes_nothing_away(tmp_path, text):
     path = tmp_path / Path(ZONES_FILE).name
     if text is not None:
         path.write_text(text, encoding="utf-8")
     assert exported_names(path) == []
+
+
+@pytest.mark.long(seconds=15)
+def test_programs_in_the_folders_of_zones_go_with_their_design(tmp_path, capsys):
+    network = chain(2, 1.0, lag=150.0)
+    powers = np.vstack([steps(2, 4000), np.full((900, 2), 50.0)])
+    instants, readings, logged_pct = logged(network, powers, 1.0, 2, np.random.default_rng(1), 0.02)
+    rows = [f"{t},{','.join(map(str, [*reading, *power]))}" for t, reading, power in zip(instants, readings, logged_pct, strict=True)]
+    (tmp_path / "log.csv").write_text("\n".join(["time_s,a_temp_C,b_temp_C,a_power_pct,b_power_pct", *rows]), encoding="utf-8")
+    out = tmp_path / "out"
+    asked = ["design", str(tmp_path / "log.csv"), "--zones", "a,b", "--setpoint", "60", "--out", str(out), "--quiet"]
+    assert main([*asked, "--target", "klipper"]) == 0
+    program = out / "zone1_a" / "klipper_heater.cfg"
+    assert program.is_file()
+    (out / "zone1_a" / "notes.txt").write_text("mine", encoding="utf-8")
+    assert main([*asked, "--target", "klipper", "--limit", "overshoot=0.001%"]) == 1
+    assert not program.exists()
+    assert (out / "zone1_a" / "notes.txt").is_file()
+    capsys.readouterr()

@@ -29,28 +29,64 @@ def drawn(random, count):
 
 
 def balance(network):
-    """Return A, B and the constant of dT/dt = A·T + B·u(t − L) + constant, straight from the heat balance."""
+    """Return A, B and the constant of dT/dt = A·T + B·u(t − L) + constant, straight from the heat balance.
+
+    Behind the zones' temperatures stand the powers of their heating elements [%], where any has a lag of its own. A network
+    with other bodies states its own matrices.
+    """
+    if hasattr(network, "matrices"):
+        return network.matrices
     exchange, lag = np.asarray(network.exchange), np.array(network.time_constants_s)[:, None]
     states = (exchange - np.diag(1.0 + exchange.sum(axis=1))) / lag
     powers = np.diag(np.array(network.gains_degC_per_pct)) / lag
-    return states, powers, np.array(network.ambients_degC) / lag[:, 0]
+    constant = np.array(network.ambients_degC) / lag[:, 0]
+    if not any(network.second_time_constants_s):
+        return states, powers, constant
+    elements = np.diag(1.0 / np.array(network.second_time_constants_s))
+    zero = np.zeros_like(states)
+    return (np.block([[states, powers], [zero, -elements]]), np.vstack([zero, elements]),
+            np.concatenate([constant, np.zeros(len(constant))]))
 
 
-def logged(network, powers, step_s, every, random=None, noise=0.0):
-    """Return instants, readings and powers: the powers change on the grid of `step_s`, every so many steps a row."""
+def at_rest(network):
+    """Return the zones' temperatures without power and their rise per percent of each power, shapes (n,) and (n, n)."""
     states, inputs, constant = balance(network)
-    count = len(constant)
-    block = np.zeros((2 * count, 2 * count))
-    block[:count, :count], block[:count, count:] = states, np.eye(count)
+    count = inputs.shape[1]
+    return np.linalg.solve(states, -constant)[:count], np.linalg.solve(states, -inputs)[:count]
+
+
+def stepped(network, step_s):
+    """Return the exact step of a network: its states, of its powers, and of its constant, shapes (m, m), (m, n), (m,)."""
+    states, inputs, constant = balance(network)
+    size = len(constant)
+    block = np.zeros((2 * size, 2 * size))
+    block[:size, :size], block[:size, size:] = states, np.eye(size)
     exact = expm(block * step_s)
-    move, drive = exact[:count, :count], exact[:count, count:]
+    return exact[:size, :size], exact[:size, size:] @ inputs, exact[:size, size:] @ constant
+
+
+def logged(network, powers, step_s, every, random=None, noise=0.0, warmer_degC=None):
+    """Return instants, readings and powers: the powers change on the grid of `step_s`, every so many steps a row.
+
+    Args:
+        network: the heaters.
+        powers: at each step, shape (N, n) [%].
+        step_s: [s].
+        every: so many steps a row.
+        random: of the noise.
+        noise: standard deviation of the readings' noise [°C].
+        warmer_degC: by how much the ambient of all zones differs at each step, shape (N,); None: not at all [°C].
+    """
+    states, inputs, constant = balance(network)
+    count = inputs.shape[1]
+    move, drive, still = stepped(network, step_s)
     late = [round(dead / step_s) for dead in network.dead_times_s]
-    temperature = np.linalg.solve(states, -(inputs @ powers[0] + constant))
-    rows = []
+    state = np.linalg.solve(states, -(inputs @ powers[0] + constant))
+    rows, warmth = [], np.zeros(len(powers)) if warmer_degC is None else warmer_degC
     for k in range(len(powers)):
-        rows.append(temperature)
+        rows.append(state[:count])
         arriving = np.array([powers[max(k - late[i], 0), i] for i in range(count)])
-        temperature = move @ temperature + drive @ (inputs @ arriving + constant)
+        state = move @ (state - warmth[k]) + warmth[k] + drive @ arriving + still
     readings = np.array(rows)[::every]
     if noise:
         readings = np.round(readings + random.normal(0.0, noise, readings.shape), 2)
@@ -68,18 +104,16 @@ def steps(count, length, low=20.0, high=50.0):
 
 def radius(network, designs, interval_s, delay_s):
     """Return the largest eigenvalue of the coupled sampled PI loops, dead times in whole samples, rounded up."""
-    states, inputs, _ = balance(network)
-    count = len(designs)
-    block = np.zeros((2 * count, 2 * count))
-    block[:count, :count], block[:count, count:] = states, inputs
-    exact = expm(block * interval_s)
+    move, drive, _ = stepped(network, interval_s)
+    bodies, count = len(move), len(designs)
     late = int(np.ceil((max(network.dead_times_s) + delay_s) / interval_s))
     gain = np.diag([design.gain_pct_per_degC for design in designs])
     share = np.diag([interval_s / design.integral_time_s for design in designs])
-    size = count * (late + 2)
+    size = bodies + count * (late + 1)
     matrix, one = np.zeros((size, size)), np.eye(count)
-    at = [slice(k * count, (k + 1) * count) for k in range(late + 2)]  # temperatures, powers on their way, sums
-    matrix[at[0], at[0]], matrix[at[0], at[late]] = exact[:count, :count], exact[:count, count:]
+    begins = [bodies + k * count for k in range(late + 1)]
+    at = [slice(0, count), *(slice(begin, begin + count) for begin in begins)]  # temperatures, powers on their way, sums
+    matrix[:bodies, :bodies], matrix[:bodies, at[late]] = move, drive
     matrix[at[-1], at[-1]], matrix[at[-1], at[0]] = one, -one
     matrix[at[1], at[0]], matrix[at[1], at[-1]] = -gain @ (one + share), gain @ share
     for k in range(2, late + 1):

@@ -8,6 +8,8 @@ import pytest
 
 from heatertune.cli import main
 from heatertune.errors import ExportRefused, InputError
+from heatertune.plc.cpu.iec.machine import TextProgram
+from heatertune.plc.cpu.iec.st_syntax import units
 from heatertune.plc.cpu.s5.machine import S5Cpu
 from heatertune.plc.cpu.s7_300.machine import S7300Cpu
 from heatertune.plc.s5_ob251.step import COLD, Ob251Assumptions, step
@@ -138,6 +140,27 @@ def test_the_program_follows_the_open_points_that_the_user_knows(proofs):
     assert listing.count("start-up: OB251 goes on with what DW18 to DW48 have kept") == 3
     assert "OB251 off: it clears" not in listing
     assert str(export_zones(proof)["program_listing.txt"]).count("OB251 off: it clears") == 3
+
+
+@pytest.mark.long
+def test_the_structured_text_of_all_zones_makes_the_run_of_the_proof_tick_by_tick():
+    proof = design_zones(network_by_hand(chain(3, 1.0)), "iec-pid", SETPOINTS)
+    (name, text), = export_zones(proof).items()
+    assert name == "iec_pid_zones.st"
+    whole = units(text)
+    assert [(unit.kind, unit.name) for unit in whole] == [
+        ("FUNCTION_BLOCK", "HT_IEC_PID"), ("PROGRAM", "HEATER1"), ("PROGRAM", "HEATER2"), ("PROGRAM", "HEATER3")]
+    trace, tick = joint_run(proof, 40.0), proof.actuator.resolution_s
+    per_call = round(proof.words[0].sample_time_s / tick)
+    for zone in range(3):
+        program = TextProgram([whole[0], whole[1 + zone]], {}, lambda duration_ms: duration_ms / 1000.0)
+        program["HeaterOn"] = True
+        assert program["HeaterSetPoint"] == pytest.approx(SETPOINTS[zone], abs=0.05)  # in counts of the input
+        for k in range(10 * per_call):
+            program["HeaterTemperature"] = float(trace.readings[k // per_call, zone])
+            program.scan()
+            assert program["HeaterPower"] == pytest.approx(trace.powers_pct[k // per_call, zone], abs=1e-4)
+            assert bool(program["HeaterOutput"]) == is_on(trace, zone, k * tick), (k * tick, zone)
 
 
 @pytest.mark.long

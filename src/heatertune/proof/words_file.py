@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -44,6 +45,7 @@ __all__ = [
 ]
 
 WORDS_SCHEMA: Final = "heatertune/words/2"
+_OF_ZONE: Final = re.compile(r"zone\d+_[\w-]+/[\w.-]+")  # a file in the folder of a zone
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -221,13 +223,14 @@ def certificate(proof: Document, *, force: bool = False) -> Certificate:
 
 
 def exported_names(path: Path) -> list[str]:
-    """Return the names of the files that a design exported beside its document, none where nothing tells.
+    """Return the names of the files that a design exported beside its document, or for its zones; none if not stated.
 
     Those of an earlier design must not lie beside the record of a new one, which may fail or be for another controller.
     """
     with suppress(OSError, ValueError, KeyError, TypeError, RecursionError):
         names = json.loads(path.read_text(encoding="utf-8"))["files"]
-        return [name for name in names if isinstance(name, str) and name and Path(name).name == name]
+        return [name for name in names if isinstance(name, str) and name and (
+            Path(name).name == name or _OF_ZONE.fullmatch(name))]
     return []
 
 

@@ -23,6 +23,7 @@ from heatertune.zones.network_fit import (
     NetworkFit,
     NetworkProblem,
     ParameterLayout,
+    explanation_gain,
     fit_supply,
     most_below,
     variance_inflation,
@@ -40,9 +41,9 @@ _COLDER: Final = 0.02  # exchange below 0 that cannot be the noise of a weak one
 _NO_HEATER: Final = 1e3  # ratio of an end of an interval to the gain or lag, from which on nothing is known of it
 _LONGEST_LAG: Final = 1e3  # times a log's length: a heater that is slower is none, its readings are a ramp
 _FROM_REST: Final = "log a step of each zone's power, one after the other, each until all temperatures are steady"
+_SIGNIFICANT: Final = 25.0  # points that couplings beyond a chain have to gain: five standard errors
 _GAP_TIMES: Final = 5.0  # intervals without a row are a gap
 _MOST_GAPS: Final = 3  # that are looked at, the longest
-_MOST_ON_SUPPLY: Final = 4  # zones for which a shared supply is looked for
 _COLOURED: Final = 4.0  # inflation of intervals by slow errors beyond which a log has more to explain
 _WIDE: Final = 4.0  # ratio of an interval's ends above which the log bounds nothing
 
@@ -107,8 +108,6 @@ class ZoneLog:
         Raises:
             OutOfRange: too few rows.
         """
-        if from_s is until_s is None:
-            return self
         rows = ((self.time_s >= (-math.inf if from_s is None else from_s))
                 & (self.time_s <= (math.inf if until_s is None else until_s)))
         if np.count_nonzero(rows) < MIN_SAMPLES:
@@ -287,10 +286,15 @@ def _fit(log: ZoneLog, structure: str | None) -> FittedNetwork:
     count = len(log.zones)
     pairs = neighbours(structure or ("free" if count <= _FREE_UP_TO else "chain"), count)
     whole = _problem_of(log)
-    layout = ParameterLayout(count, pairs, second=False)
-    problem, fitted = whole.timed(whole.fit(layout, whole.start(layout)))
-    if structure is None and count > _FREE_UP_TO:
-        fitted = problem.with_further_couplings(fitted)
+    layout, is_open = ParameterLayout(count, pairs, second=False), structure is None and count > _FREE_UP_TO
+    if is_open and not whole.is_explained_by(pairs):
+        problem, fitted = _with_clear_couplings(whole, layout)
+    else:
+        problem, fitted = whole.timed(whole.fit(layout, whole.start(layout)))
+        if is_open and problem.lacks_couplings(fitted):
+            timed, free = _with_clear_couplings(whole, layout)
+            if explanation_gain(fitted, free) > _SIGNIFICANT:
+                problem, fitted = timed, free
     wider = problem.with_second_lags(fitted)
     result = _result_or_error(log, problem, wider)
     if _is_unexplained(result):
@@ -298,6 +302,13 @@ def _fit(log: ZoneLog, structure: str | None) -> FittedNetwork:
     if isinstance(result, InputError):
         raise result
     return result
+
+
+def _with_clear_couplings(whole: NetworkProblem, layout: ParameterLayout) -> tuple[NetworkProblem, NetworkFit]:
+    """Return the fit with the couplings beyond a layout that the log shows clearly, however the zones are listed."""
+    free = layout._replace(pairs=neighbours("free", layout.size))
+    timed, fit = whole.timed(whole.fit(free, whole.start(free)))
+    return timed, timed.with_clear_couplings(fit, layout.pairs)
 
 
 def _result_or_error(log: ZoneLog, problem: NetworkProblem, fit: NetworkFit) -> FittedNetwork | InputError:
@@ -324,8 +335,8 @@ def _with_shared_supply(
         fit: without second lags, from which the search begins.
         best: fit without a shared supply.
     """
-    supply = fit_supply(problem, fit) if len(log.zones) <= _MOST_ON_SUPPLY else None
-    if supply is None or not supply.explains_more(best):
+    supply = fit_supply(problem, fit)
+    if not supply.explains_more(best):
         return None
     result = _result_or_error(log, supply.problem, supply.whole)
     if isinstance(result, InputError) or any(finding.name == "poor-fit" for finding in result.findings):

@@ -307,8 +307,7 @@ def _heat(memory: ZoneMemory, network: NetworkArrays, out: JointArrays, k: int, 
 def _arrival(memory: ZoneMemory, network: NetworkArrays, zone: int, source: int) -> float:
     """Return when a zone feels the next edge of another one, or of itself, behind its own dead time [s]."""
     later_s = network.dead_s[zone] - network.dead_s[source]
-    instant: float = memory.edges[source, memory.arrival_counts[zone, source]] + later_s
-    return instant
+    return float(memory.edges[source, memory.arrival_counts[zone, source]] + later_s)
 
 
 def _reaching(memory: ZoneMemory, network: NetworkArrays, zone: int) -> float:
@@ -366,9 +365,7 @@ def _decay(rate: complex, lasts_s: float) -> complex:
     return complex(left * math.cos(rate.imag * lasts_s), left * math.sin(rate.imag * lasts_s))
 
 
-def _peak(
-    memory: ZoneMemory, network: NetworkArrays, zone: int, lasts_s: float, first: float, last: float
-) -> float:
+def _peak(memory: ZoneMemory, network: NetworkArrays, zone: int, lasts_s: float, first: float, last: float) -> float:
     """Return the temperature where a zone's slope changes its sign, of the slopes at begin and end [°C]."""
     low, high, temperature = 0.0, lasts_s, 0.0
     for _ in range(_REFINED):

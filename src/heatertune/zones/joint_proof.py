@@ -102,6 +102,10 @@ class ZoneSpecification:
             return self.deviation_degC
         return max(_DEVIATION * change_degC, self.limits.tolerance_degC)
 
+    def most_kw(self, heaters: int) -> float | None:
+        """Return the power of so many heaters, the largest of all; None where the rated power is not stated [kW]."""
+        return sum(sorted(self.rated_kw, reverse=True)[:heaters]) if self.rated_kw else None
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JointCriterion:
@@ -147,6 +151,7 @@ class JointProof:
         accepted: names of accepted findings.
         not_tested: what no run shows, a few words each.
         peak_heaters, peak_kw: most heaters on at once while the setpoints are held, and their power [kW].
+        heating_up_heaters: likewise in the whole run, heat-up, faults and restart included.
         heaters_bound: ⌈Σ duty⌉ on the best fit: as many must be on at once at times.
         bound_share: share of the PWM periods, while the setpoints are held, in which no more than ⌈Σ duty⌉ of the run's
             network are on at once.
@@ -169,6 +174,7 @@ class JointProof:
     not_tested: tuple[str, ...]
     peak_heaters: int
     peak_kw: float | None
+    heating_up_heaters: int
     heaters_bound: int
     bound_share: float
     trace: JointTrace
@@ -217,10 +223,12 @@ class JointProof:
         lines += [f"not tested: {', '.join(self.not_tested)}"] if self.not_tested else []
         lines += [f"{each.name}: {each.value:.4g} of {each.limit:.4g} ({each.where})"
                   for each in self.criteria if each.ok]
-        peak = "" if self.peak_kw is None else f", {self.peak_kw:.4g} kW"
-        lines.append(f"heaters on at once while the setpoints are held: at most {self.peak_heaters}{peak}; the best "
-                     f"fit needs {self.heaters_bound}; in {100.0 * self.bound_share:.4g} % of the PWM periods no more "
-                     "than the duties of the run need")
+        kw_of = self.specification.most_kw
+        held, heating = (f"{count}" if kw_of(count) is None else f"{count}, {kw_of(count):.4g} kW" for count in (
+            self.peak_heaters, self.heating_up_heaters))
+        lines.append(f"heaters on at once while the setpoints are held: at most {held}; the best fit needs "
+                     f"{self.heaters_bound}; in {100.0 * self.bound_share:.4g} % of the PWM periods no more than the "
+                     f"duties of the run need; heating up, and after faults: up to {heating}")
         return "\n".join(lines)
 
     def brief(self) -> str:
@@ -230,9 +238,8 @@ class JointProof:
 
     def certificate(self) -> Certificate:
         """Return what each export says about this proof."""
-        kept = tuple(f"{each.name}: " for each in self.criteria if each.ok)
         lines = (f"proven together with the other zones: {', '.join(self.fitted.network.zones)}",
-                 *(line for line in self.summary().splitlines()[1:] if not line.startswith(kept)))
+                 *self.brief().splitlines()[1:])
         return Certificate(verdict=self.verdict, lines=lines, forced=self.verdict != "PASS", actuator=self.actuator,
                            switches=self.switches)
 
@@ -351,7 +358,7 @@ def prove_zones(
             break
     peak = prover.peak
     found = list({each.name: each for each in sorted(criteria, key=lambda criterion: criterion.share)}.values())
-    peak_kw = sum(sorted(specification.rated_kw, reverse=True)[:peak.most]) if specification.rated_kw else None
+    peak_kw = specification.most_kw(peak.most)
     if specification.peak_kw is not None and peak_kw is not None:
         found.append(JointCriterion(
             name="peak power [kW]", value=peak_kw, limit=specification.peak_kw,
@@ -362,7 +369,8 @@ def prove_zones(
         criteria=tuple(found), runs=tuple(runs), findings=(*fitted.findings, *_beyond_log(fitted, specification)),
         accepted=tuple(asked.accept),
         not_tested=(*dict.fromkeys(prover.not_tested), *_limits_not_judged(asked), *_NOT_TESTED),
-        peak_heaters=peak.most, peak_kw=peak_kw, heaters_bound=peak.bound, bound_share=peak.share, trace=traces[0],
+        peak_heaters=peak.most, peak_kw=peak_kw, heating_up_heaters=peak.ever, heaters_bound=peak.bound,
+        bound_share=peak.share, trace=traces[0],
         settle_s=prover.settle_s, heat_s=max(prover.heat_s, 2.0 * prover.settle_s),
         switches=dict(asked.switches), conditions=asked)
 
@@ -559,8 +567,7 @@ class _Prover:
             holdable = kind == "off" and self._can_hold(network, others)
             events += [ZoneEvent(now, kind, zone), ZoneEvent(now + lasts, ends, zone)]
             phases += [_Phase(f"others with the zone {kind}", zone, now, now + lasts, idle=(zone,))] if holdable else []
-            again = 1.5 * wait + {"open": 0.0, "off": self._heat_up_s(network) - wait,
-                                  "stuck": cools}[kind]
+            again = 1.5 * wait + {"open": 0.0, "off": self._heat_up_s(network) - wait, "stuck": cools}[kind]
             phases.append(_Phase(f"after the zone was {kind}", zone, now + lasts, now + lasts + again))
             now += lasts + again
         return now
@@ -672,6 +679,7 @@ class _PeakPower:
     """How many heaters are on at once while the setpoints are held, over all runs."""
 
     most: int = 0
+    ever: int = 0
     bound: int = 0
     periods: int = 0
     within_bound: int = 0
@@ -685,6 +693,7 @@ class _PeakPower:
         """Count the heaters in the last fifth of phases in which the setpoints are held; `bound` is ⌈Σ duty⌉."""
         self.bound = self.bound or bound  # that of the best fit, which runs first
         instants, on = trace.heaters_on()
+        self.ever = max(self.ever, int(np.max(on, initial=0)))
         for phase in phases:
             start = phase.end_s - 0.2 * (phase.end_s - phase.start_s)
             inside = (instants >= start) & (instants < phase.end_s)

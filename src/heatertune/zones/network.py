@@ -292,9 +292,7 @@ class ZonePower(NamedTuple):
         return self.first_pct - float(self.changes_pct @ np.expm1(-since / lag_s))
 
 
-def simulate_many(
-    cases: Sequence[tuple[Modes, Array, Array]], time_s: Array, courses: Sequence[ZonePower]
-) -> Array:
+def simulate_many(cases: Sequence[tuple[Modes, Array, Array]], time_s: Array, courses: Sequence[ZonePower]) -> Array:
     """Return the temperatures of several networks at the instants, shape (len(cases), len(time_s), n) [°C].
 
     Args:
@@ -320,8 +318,7 @@ def simulate_many(
         states[0, case] = modes.inverse @ np.array(first)
     for row in range(len(span)):
         states[row + 1] = decay[row] * states[row] + heat[row]
-    temperatures: Array = np.array([(states[:, case] @ modes.outputs.T).real for case, (modes, *_) in enumerate(cases)])
-    return temperatures
+    return np.array([(states[:, case] @ modes.outputs.T).real for case, (modes, *_) in enumerate(cases)])
 
 
 def _heat_of(course: ZonePower, dead_s: float, time_s: Array, growth: Complex, rates: Complex) -> Complex:

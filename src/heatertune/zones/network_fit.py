@@ -142,11 +142,6 @@ class _HeatBalance(NamedTuple):
     dead_s: float
 
     @property
-    def of_power(self) -> float:
-        """By how much the power heats [°C/s per %]."""
-        return float(self.solution[2])
-
-    @property
     def is_heater(self) -> bool:
         """Whether the zone loses heat and its power heats it."""
         return bool(self.solution[1] < 0.0 < self.solution[2])
@@ -237,7 +232,7 @@ class NetworkProblem:
             if not best:
                 continue
             power = min(range(len(zones)), key=lambda number: best[number].squares)
-            if power == zone and best[zone].of_power < 0.0:
+            if power == zone and best[zone].solution[2] < 0.0:
                 yield (f"the power of zone {name!r} cools it, and zones are heaters: log it while the others rest, and "
                        "design it by itself with --cooler")
             elif best[power].is_heater and best[power].squares < _OTHERS * best[zone].squares:
@@ -394,25 +389,37 @@ class NetworkProblem:
             fit = problem.fit(fit.layout, fit.values)
         return problem, fit
 
-    def with_further_couplings(self, fit: NetworkFit) -> NetworkFit:
-        """Return the fit with the couplings beyond the chain that explain the log better, the clearest first."""
-        for _ in range(fit.layout.size):
-            others = [pair for pair in neighbours("free", fit.layout.size) if pair not in fit.layout.pairs]
-            if not others:
-                break
-            wider = fit.layout._replace(pairs=(*fit.layout.pairs, *others))
-            values = np.append(fit.values, np.zeros(len(others)))
-            weights = 1.0 / fit.residuals.std(axis=0)
-            jacobian = (self.jacobian(wider, values) * weights[:, None]).reshape(-1, len(values))
-            step, *_ = np.linalg.lstsq(jacobian, (fit.residuals * weights).ravel(), rcond=None)
-            error = np.sqrt(np.diag(np.linalg.pinv(jacobian.T @ jacobian)))
-            place = int(np.argmax((step / error)[-len(others):]))
-            layout = fit.layout._replace(pairs=(*fit.layout.pairs, others[place]))
-            tried = self.fit(layout, np.append(fit.values, max(float(step[place - len(others)]), 0.01)))
-            if explanation_gain(fit, tried) < _SIGNIFICANT:
-                break
-            fit = tried
-        return fit
+    def is_explained_by(self, pairs: Sequence[tuple[int, int]]) -> bool:
+        """Return whether the heat balances with the exchange of these pairs leave little more than with that of all."""
+        zones = range(len(self.courses))
+        near, every = ([min(each.squares for each in self._balances(zone, zone, [
+            other for first, other in chosen if first == zone])) for zone in zones]
+            for chosen in (pairs, neighbours("free", len(zones))))
+        return bool(np.all(np.array(every) >= _OTHERS * np.array(near)))
+
+    def lacks_couplings(self, fit: NetworkFit) -> bool:
+        """Return whether a coupling beyond those of a fit, linearised there, explains the log clearly better."""
+        others = [pair for pair in neighbours("free", fit.layout.size) if pair not in fit.layout.pairs]
+        wider = fit.layout._replace(pairs=(*fit.layout.pairs, *others))
+        weights = 1.0 / fit.residuals.std(axis=0)
+        values = np.append(fit.values, np.zeros(len(others)))
+        jacobian = (self.jacobian(wider, values) * weights[:, None]).reshape(-1, len(values))
+        step, *_ = np.linalg.lstsq(jacobian, (fit.residuals * weights).ravel(), rcond=None)
+        error = np.sqrt(np.diag(np.linalg.pinv(jacobian.T @ jacobian)))
+        return bool(np.any((step / error)[len(fit.values):] ** 2 > _SIGNIFICANT))
+
+    def with_clear_couplings(self, fit: NetworkFit, pairs: Sequence[tuple[int, int]]) -> NetworkFit:
+        """Return the fit with these couplings and, of all others, with those alone that a fit shows clearly.
+
+        Args:
+            fit: of a free network.
+            pairs: couplings that are kept in any case.
+        """
+        first, error = fit.layout.size * fit.layout.per_zone, np.sqrt(np.diag(self.covariance(fit)))
+        clear = fit.values > math.sqrt(_SIGNIFICANT) * error
+        kept = [place for place, pair in enumerate(fit.layout.pairs, start=first) if pair in pairs or clear[place]]
+        layout = fit.layout._replace(pairs=tuple(fit.layout.pairs[place - first] for place in kept))
+        return self.fit(layout, np.concatenate([fit.values[:first], fit.values[kept]]))
 
     def with_second_lags(self, fit: NetworkFit) -> NetworkFit:
         """Return the fit with a second lag of each zone where it explains the log better.
@@ -598,9 +605,8 @@ def fit_supply(problem: NetworkProblem, fit: NetworkFit) -> SupplyFit:
 
 def _with_shares(problem: NetworkProblem, shares: Array) -> NetworkProblem:
     """Return the problem with the powers that reach the heaters."""
-    instants, places = np.unique(np.concatenate([course.instants_s for course in problem.courses]), return_index=True)
+    _, places = np.unique(np.concatenate([course.instants_s for course in problem.courses]), return_index=True)
     spans = np.concatenate(problem.spans_s)[places]
-    assert len(spans) == len(instants)
     return replace(problem, courses=power_courses(problem.courses, shares), spans_s=[spans] * len(problem.courses))
 
 
@@ -617,9 +623,7 @@ def _refined(problem: NetworkProblem, fit: NetworkFit, shares: Array) -> SupplyF
     return SupplyFit(own, found, both[count:], reach)
 
 
-def _step_within(
-    problem: NetworkProblem, layout: ParameterLayout, both: Array, normal: Array, slope: Array
-) -> Array:
+def _step_within(problem: NetworkProblem, layout: ParameterLayout, both: Array, normal: Array, slope: Array) -> Array:
     """Return parameters and shares a step further; one that would leave its limit stays, and moves no other."""
     count, free = len(both) - layout.size, np.ones(len(both), dtype=bool)
     while True:

@@ -13,6 +13,7 @@ from typing import Final
 
 from heatertune.errors import ExportRefused, InputError
 from heatertune.plc import Certificate, controller_for
+from heatertune.plc.st.zone_programs import source_of_zones
 from heatertune.zones.joint_proof import JointProof
 
 __all__ = ["demand_pass", "export_zones", "text_of_zone"]
@@ -92,7 +93,7 @@ def demand_program(target: str, zones: int, *, staggered: bool) -> None:
     if staggered and target != "s7-300":
         raise InputError(f"the program of {target} begins the PWM periods of all zones at once: leave out --peak-power "
                          "and --stagger, or take --target s7-300")
-    if target in _PROGRAMS and zones > _MOST:
+    if target in _MOVED and zones > _MOST:
         raise InputError(f"{zones} zones: a program of {target} has outputs for {_MOST}; make two groups that do not "
                          "touch, or take a target with files of its own for each zone (heatertune targets)")
 
@@ -109,14 +110,12 @@ def _s5(zones: Sequence[str], parts: Sequence[Mapping[str, str | bytes]], _proof
         text = _s5_moved(str(part["program_listing.txt"]), number)
         head, _, rest = text.partition(f"\nDB{30 + _BETWEEN * number}\n")
         blocks = rest.partition("\nOB 1\n")[0]
-        remarks = [line for line in head.splitlines() if line.strip()]
-        listing += [f"// zone {number + 1} of {len(zones)}: {zone}", *remarks, ""]
+        listing += [f"// zone {number + 1} of {len(zones)}: {zone}", *filter(str.strip, head.splitlines()), ""]
         listing += [f"DB{30 + _BETWEEN * number}", blocks, ""]
         calls += [f"     :JU FB {30 + _BETWEEN * number}", "NAME :HEAT"]
         starts += [f"     :JU FB {31 + _BETWEEN * number}", "NAME :START"]
     listing += ["OB 1", "     :BE", "", "OB 13", *calls, "     :BE", ""]
-    for block in ("OB 21", "OB 22"):
-        listing += [block, *starts, "     :BE", ""]
+    listing += [line for block in ("OB 21", "OB 22") for line in (block, *starts, "     :BE", "")]
     return {"program_listing.txt": "\n".join(listing), **files}
 
 
@@ -155,8 +154,8 @@ def _s7(zones: Sequence[str], parts: Sequence[Mapping[str, str | bytes]], proof:
     start, tick = found["OB 100"], found["OB 35"]
     restart = f"{start[:start.index('NETWORK')]}{''.join(loads)}END_ORGANIZATION_BLOCK\n"
     cyclic = tick[:tick.index("NETWORK")].replace("  reading : INT ;\n", "")
-    lines = "\n".join(calls)
-    text = "\n".join(["\n".join(heads), *shared.values(), *own, restart, f"{cyclic}{lines}\nEND_ORGANIZATION_BLOCK\n"])
+    text = "\n".join(["\n".join(heads), *shared.values(), *own, restart, cyclic + "\n".join(calls),
+                      "END_ORGANIZATION_BLOCK\n"])
     return {"s7_300_zones.awl": text.replace("\n", _LINE_END), **files}
 
 
@@ -189,7 +188,13 @@ def _s7_moved(text: str, number: int) -> str:
     return re.sub(r"\bPIW 256\b", f"PIW {256 + 2 * number}", re.sub(r"\bQ 4\.0\b", f"Q 4.{number}", text))
 
 
-_PROGRAMS: Final[dict[str, Callable[..., dict[str, str | bytes]]]] = {"s5-ob251": _s5, "s7-300": _s7}
+def _st(zones: Sequence[str], parts: Sequence[Mapping[str, str | bytes]], _proof: JointProof) -> dict[str, str | bytes]:
+    """Return one source of structured text; a PLCopen project is that of one program."""
+    sources = [(zone, str(part["iec_pid.st"])) for zone, part in zip(zones, parts, strict=True)]
+    return {"iec_pid_zones.st": source_of_zones(sources)}
+
+
+_PROGRAMS: Final[dict[str, Callable[..., dict[str, str | bytes]]]] = {"s5-ob251": _s5, "s7-300": _s7, "iec-pid": _st}
 _MOVED: Final[dict[str, Callable[[str, int], str]]] = {"s5-ob251": _s5_moved, "s7-300": _s7_moved}
 
 

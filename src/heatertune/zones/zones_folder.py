@@ -31,6 +31,10 @@ from heatertune.zones.network import ThermalNetwork
 __all__ = ["ZonesDesign", "prove_again", "read_zones_design", "to_document"]
 
 SCHEMA: Final = "heatertune/zones/2"
+#: fields of a network, and of its fit, that a document holds as they are
+_OF_NETWORK: Final = ("gains_degC_per_pct", "time_constants_s", "dead_times_s", "ambients_degC",
+                      "second_time_constants_s", "supply_shares")
+_OF_FIT: Final = ("late_s", "noise_degC", "interval_s", "log", "findings", "setpoints_degC", "highest_degC")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,33 +63,24 @@ class NetworkRecord:
     @classmethod
     def from_fitted(cls, fitted: FittedNetwork) -> NetworkRecord:
         """Return the record of a fitted network."""
-        network = fitted.network
         return cls(
-            gains_degC_per_pct=network.gains_degC_per_pct, time_constants_s=network.time_constants_s,
-            dead_times_s=network.dead_times_s, ambients_degC=network.ambients_degC,
-            second_time_constants_s=network.second_time_constants_s,
-            exchange=tuple(map(tuple, network.exchange.tolist())), pairs=fitted.layout.pairs,
+            **{name: getattr(fitted.network, name) for name in _OF_NETWORK},
+            **{name: getattr(fitted, name) for name in _OF_FIT},
+            exchange=tuple(map(tuple, fitted.network.exchange.tolist())), pairs=fitted.layout.pairs,
             second=fitted.layout.second, values=tuple(fitted.values.tolist()),
-            covariance=tuple(map(tuple, fitted.covariance.tolist())), late_s=fitted.late_s,
-            noise_degC=fitted.noise_degC, interval_s=fitted.interval_s, log=fitted.log, findings=fitted.findings,
-            setpoints_degC=fitted.setpoints_degC, highest_degC=fitted.highest_degC,
-            supply_shares=network.supply_shares)
+            covariance=tuple(map(tuple, fitted.covariance.tolist())))
 
     def to_fitted(self, zones: tuple[str, ...]) -> FittedNetwork:
         """Return the fitted network; raise InputError where the numbers are of another number of zones."""
         network = ThermalNetwork(
-            zones=zones, gains_degC_per_pct=self.gains_degC_per_pct, time_constants_s=self.time_constants_s,
-            dead_times_s=self.dead_times_s, ambients_degC=self.ambients_degC,
-            exchange=np.array(self.exchange), second_time_constants_s=self.second_time_constants_s,
-            supply_shares=self.supply_shares)
+            zones=zones, exchange=np.array(self.exchange), **{name: getattr(self, name) for name in _OF_NETWORK})
         layout = ParameterLayout(len(zones), self.pairs, self.second, sag=bool(self.supply_shares))
         size = layout.first_share + len(self.supply_shares)
         if len(self.values) != size or [len(row) for row in self.covariance] != [size] * size:
             raise InputError(f"network: expected {size} values and their covariance")
         return FittedNetwork(
             network=network, layout=layout, values=np.array(self.values), covariance=np.array(self.covariance),
-            late_s=self.late_s, noise_degC=self.noise_degC, findings=self.findings, log=self.log,
-            interval_s=self.interval_s, setpoints_degC=self.setpoints_degC, highest_degC=self.highest_degC)
+            **{name: getattr(self, name) for name in _OF_FIT})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
