@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from tests.bench import field_exports, hostile_devices, hostile_exports, terminal_exports, tool_exports
+from tests.bench import field_exports, hostile_devices, hostile_exports, program_exports, terminal_exports, tool_exports
 from tests.bench.messy import asked_for
 
 from heatertune.errors import LogError
@@ -29,7 +29,7 @@ def settings_of(words):
             settings[name] = (float(words.pop(0)), float(words.pop(0)))
         else:
             text = words.pop(0)
-            number = name in ("log_interval", "power_full_scale", "skip_rows", "run")
+            number = name in ("log_interval", "power_full_scale", "temperature_scale", "skip_rows", "run")
             settings["sample_time_s" if name == "log_interval" else name] = (
                 int(text) if name in ("skip_rows", "run") else float(text) if number else text)
     return settings
@@ -50,7 +50,7 @@ def read(export):
     raise AssertionError(words)
 
 
-WRITERS = hostile_devices.WRITERS + field_exports.WRITERS + terminal_exports.WRITERS
+WRITERS = hostile_devices.WRITERS + field_exports.WRITERS + terminal_exports.WRITERS + program_exports.WRITERS
 
 
 @pytest.mark.parametrize("export", [export for export in hostile_exports.exports(writers=WRITERS) if export.tool not in OTHERS],
