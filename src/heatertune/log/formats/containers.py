@@ -44,22 +44,13 @@ def decompress(path: Path, data: bytes, repairs: list[str]) -> bytes:
     Raises:
         LogError: nothing can be read, or more than a gigabyte, or several files are in a .zip.
     """
-    opened = next((opened for magic, opened in _PACKED.items() if data.startswith(magic)), None)
+    opened = _only_file(path, data) if data.startswith(b"PK\x03\x04") else next(
+        (opened for magic, opened in _PACKED.items() if data.startswith(magic)), None)
     if opened is None:
         return data
     try:
-        stream = opened(io.BytesIO(data))
-        if isinstance(stream, zipfile.ZipFile):
-            names = [name for name in stream.namelist() if not name.endswith("/")]
-            if any(name in _WORKBOOK for name in names):
-                return data
-            if len(names) != 1:
-                raise LogError(f"a .zip of {count(len(names), 'file')}", file=path,
-                               expected=f"one of them unpacked: {', '.join(names[:_SHOWN])}")
-            stream = stream.open(names[0])
-        content = read_beyond(stream, _MOST_UNPACKED)
-    except (EOFError, OSError, RuntimeError, NotImplementedError, zlib.error, lzma.LZMAError,
-            zipfile.BadZipFile) as problem:
+        content = read_beyond(opened(io.BytesIO(data)), _MOST_UNPACKED)
+    except (EOFError, OSError, RuntimeError, zlib.error, lzma.LZMAError, zipfile.BadZipFile) as problem:
         rest = _rest(data)
         if not rest:
             raise LogError("a compressed file that is damaged", file=path, expected="a whole one") from problem
@@ -72,8 +63,22 @@ def decompress(path: Path, data: bytes, repairs: list[str]) -> bytes:
 
 #: how a compressed file begins → what opens it
 _PACKED: Final[dict[bytes, Callable[[io.BytesIO], Any]]] = {
-    b"\x1f\x8b": gzip.open, b"BZh": bz2.open, b"\xfd7zXZ": lzma.open, b"PK\x03\x04": zipfile.ZipFile}
-_WORKBOOK: Final = ("[Content_Types].xml", "content.xml")  # of .xlsx and .ods, which are .zip files
+    b"\x1f\x8b": gzip.open, b"BZh": bz2.open, b"\xfd7zXZ": lzma.open}
+
+
+def _only_file(path: Path, data: bytes) -> Callable[[io.BytesIO], Any] | None:
+    """Return what opens the only file in a .zip, None of a workbook and of a damaged one, which its reader refuses."""
+    try:
+        archive = zipfile.ZipFile(io.BytesIO(data))
+    except zipfile.BadZipFile:
+        return None
+    names = [name for name in archive.namelist() if not name.endswith("/")]
+    if not {"[Content_Types].xml", "content.xml"}.isdisjoint(names):  # of .xlsx and .ods
+        return None
+    if len(names) != 1:
+        raise LogError(f"a .zip of {count(len(names), 'file')}", file=path,
+                       expected=f"one of them unpacked: {', '.join(names[:_SHOWN])}")
+    return lambda _: archive.open(names[0])
 
 
 def _rest(data: bytes) -> bytes:
@@ -156,21 +161,22 @@ def _matlab(path: Path, data: bytes, tag: str | None) -> FormatTable:
             ArithmeticError, MemoryError) as problem:
         wanted = "a whole one, saved with -v7, or text"
         raise LogError("an unknown or damaged .mat file", file=path, expected=wanted) from problem
-    return _of_variables(path, "MATLAB", {name: value for name, value in stored.items() if name[:2] != "__"}, tag)
+    return _of_variables(path, "MATLAB", ((name, value) for name, value in stored.items() if name[:2] != "__"), tag)
 
 
 def _numpy(path: Path, data: bytes, tag: str | None) -> FormatTable:
     """Return the columns of an array that numpy saved, by their names if it has any."""
     try:
         stored = np.load(io.BytesIO(data), allow_pickle=False)
-        variables = {name: stored[name] for name in stored.dtype.names or ()} or {"array": stored}
+        variables = [(name, stored[name]) for name in stored.dtype.names or ()] or [("array", stored)]
     except (ValueError, OSError, EOFError, TypeError) as problem:
         raise LogError("damaged, or of Python's objects", file=path, expected="arrays of numbers") from problem
     return _of_variables(path, "NumPy", variables, tag)
 
 
-def _of_variables(path: Path, kind: str, variables: dict[str, Any], tag: str | None) -> FormatTable:
+def _of_variables(path: Path, kind: str, stored: Iterable[tuple[str, Any]], tag: str | None) -> FormatTable:
     """Return the vectors of one length as columns, or the columns of the longest matrix or of a structure."""
+    variables = dict(stored)
     for name, value in list(variables.items()):
         if getattr(value, "dtype", None) is not None and value.dtype.names and value.shape == ():
             variables |= {f"{name}.{field}": value[field].item() for field in value.dtype.names}

@@ -11,7 +11,7 @@ from array import array
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -253,10 +253,11 @@ def _artisan_profile(path: Path, numbered: Sequence[Line], _: str | None) -> For
 
 def _json_lines(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
     """Return the records of which each stands in a line of its own."""
-    records, lines = list[dict[str, str]](), list[int]()
+    records, lines, has_time = list[dict[str, str]](), list[int](), False
     for number, line in numbered:
         if (record := _record_in(line)) is not None:
-            records.append({**_stamp_before(line, record), **dict(_flat(record))})
+            has_time |= not records and "time" in map(role_of, record)
+            records.append({**({} if has_time else _stamp_before(line)), **dict(_flat(record))})
             lines.append(number)
     lost = len(numbered) - len(records)
     return _of_records(records, lines, f", {count(lost, 'line')} that are none left out" if lost else "")
@@ -329,29 +330,31 @@ _AS_JSON: Final = {"None": "null", "nan": "null", "True": "true", "False": "fals
 _PYTHON: Final = re.compile(rf"\b({'|'.join(_AS_JSON)})\b")
 
 
-def _stamp_before(line: str, record: _Record) -> dict[str, str]:
-    """Return the time in front of a record that has none of its own."""
+def _stamp_before(line: str) -> dict[str, str]:
+    """Return the time in front of a record."""
     before = line[:line.index("{")]
-    if not before.strip(" \t,[") or "time" in map(role_of, record):
-        return {}
     stamp = _EPOCH.match(before)
-    return {"time": line_stamp(before) if stamp is None else stamp[0]}
+    return {"time": line_stamp(before) if stamp is None else stamp[0]} if before.strip(" \t,[") else {}
 
 
 def _indexed(value: object) -> list[_Record]:
     """Return the records of what pandas writes: objects of one shape by an index, columns by one, or both split."""
-    if not isinstance(value, dict):
-        return []
-    if value.keys() >= _SPLIT:
-        value = {str(key): dict(zip(value["columns"], row, strict=False))
-                 for key, row in zip(value["index"], value["data"], strict=False)}
-    parts = list(value.values())
-    if len(parts) < _TITLES or not all(isinstance(part, dict) and part.keys() == parts[0].keys() for part in parts):
-        return []
-    table = value if len(parts) > len(parts[0]) else {
-        key: {name: part[key] for name, part in value.items()} for key in parts[0]}
-    is_counted = "time" in map(role_of, next(iter(table.values()))) or list(table) == [*map(str, range(len(table)))]
+    table = _of_orientation(value) if isinstance(value, dict) else {}
+    first = next(iter(table.values()), {})
+    is_counted = "time" in map(role_of, first) or list(table) == [*map(str, range(len(table)))]
     return [part if is_counted else {"time": key, **part} for key, part in table.items()]
+
+
+def _of_orientation(value: Any) -> Mapping[str, _Record]:
+    """Return index → record, empty if the objects are not of one shape."""
+    if value.keys() >= _SPLIT:
+        return {str(key): dict(zip(value["columns"], row, strict=False))
+                for key, row in zip(value["index"], value["data"], strict=False)}
+    parts = [part for part in value.values() if isinstance(part, dict)]
+    if len(parts) < max(len(value), _TITLES) or any(part.keys() != parts[0].keys() for part in parts):
+        return {}
+    return value if len(parts) > len(parts[0]) else {
+        key: {name: part[key] for name, part in value.items()} for key in parts[0]}
 
 
 _SPLIT: Final = {"columns", "index", "data"}
@@ -365,8 +368,7 @@ def _longest(path: Path, lists: Mapping[str, list[_Record]], tag: str | None) ->
     longest = max(lists.values(), key=len)
     alike = {name: each for name, each in lists.items() if each[0].keys() == longest[0].keys()}
     if _OF_ENTITY[0] in longest[0]:
-        return [{**{name: each[0][name] for name in _OF_ENTITY if name in each[0]}, **record}
-                for each in alike.values() for record in each]
+        return [record for each in alike.values() for record in _with_entity(each)]
     if len(alike) > 1 and tag not in lists and "temperature" in map(role_of, longest[0]):
         raise LogError(f"{len(alike)} lists of the same fields", file=path, value=", ".join(alike),
                        expected=f"--tag and one of {', '.join(alike)}")
@@ -374,6 +376,11 @@ def _longest(path: Path, lists: Mapping[str, list[_Record]], tag: str | None) ->
 
 
 _OF_ENTITY: Final = ("entity_id", "attributes")
+
+
+def _with_entity(records: Sequence[_Record]) -> list[_Record]:
+    of_all = {name: records[0][name] for name in _OF_ENTITY if name in records[0]}
+    return [{**of_all, **record} for record in records]
 
 
 def _lists(value: object, name: str = "") -> Iterator[tuple[str, list[_Record]]]:
