@@ -251,7 +251,7 @@ def _artisan_profile(path: Path, numbered: Sequence[Line], _: str | None) -> For
                        [f"Profile of Artisan: {count(len(rows), 'reading')} of {count(len(whole), 'curve')}."])
 
 
-def _json_lines(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
+def _json_lines(path: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
     """Return the records of which each stands in a line of its own."""
     records, lines, has_time = list[dict[str, str]](), list[int](), False
     for number, line in numbered:
@@ -260,7 +260,7 @@ def _json_lines(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTabl
             records.append({**({} if has_time else _stamp_before(line)), **dict(_flat(record))})
             lines.append(number)
     lost = len(numbered) - len(records)
-    return _of_records(records, lines, f", {count(lost, 'line')} that are none left out" if lost else "")
+    return _of_records(path, records, lines, f", {count(lost, 'line')} that are none left out" if lost else "")
 
 
 def _json(path: Path, numbered: Sequence[Line], tag: str | None) -> FormatTable:
@@ -269,22 +269,22 @@ def _json(path: Path, numbered: Sequence[Line], tag: str | None) -> FormatTable:
         lists = dict(_lists(json.loads("\n".join(line for _, line in numbered))))
     except (ValueError, RecursionError):
         lists = {}
-    if not lists:
-        raise LogError("JSON without records", file=path,
-                       expected="an object with time and temperature in each line, or a list of such")
-    records = list(map(dict, map(_flat, _longest(path, lists, tag))))
-    return _of_records(records, range(1, len(records) + 1))._replace(part=str(tag) if tag in lists else "")
+    records = list(map(dict, map(_flat, _longest(path, lists, tag) if lists else ())))
+    return _of_records(path, records, range(1, len(records) + 1))._replace(part=str(tag) if tag in lists else "")
 
 
-def _pandas(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
+def _pandas(path: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
     """Return a table that pandas wrote as JSON, in whichever orientation."""
     records = list(map(dict, map(_flat, _indexed(json.loads("\n".join(line for _, line in numbered))))))
-    return _of_records(records, range(1, len(records) + 1))
+    return _of_records(path, records, range(1, len(records) + 1))
 
 
-def _of_records(flat: list[dict[str, str]], lines: Sequence[int], left: str = "") -> FormatTable:
+def _of_records(path: Path, flat: list[dict[str, str]], lines: Sequence[int], left: str = "") -> FormatTable:
     """Return a column for each field of some records."""
     names, notes = _field_names(flat), [f"JSON: {count(len(flat), 'record')} read{left}."]
+    if not names:
+        raise LogError("JSON without records", file=path,
+                       expected="an object with time and temperature in each line, or a list of such")
     if all("pidstats.out" in record and "runtime" in record for record in flat):
         names = _KILN_FIELDS
         notes.append("Its pidstats are kiln-controller's; the power is their out.")
