@@ -1,5 +1,6 @@
 """Exports as devices write them are read as the heater that made them: instants, temperature and power of each row."""
 
+import random
 import re
 
 import numpy as np
@@ -78,3 +79,14 @@ def test_a_temperature_that_only_rises_is_not_taken_for_the_time(export):
     assert np.array_equal(log.time_s, np.arange(len(log.time_s)))
     assert np.all(np.diff(log.temperature_degC) >= 0.0)
     assert np.max(log.power_pct) > 50.0
+
+
+@pytest.mark.parametrize("export", list(hostile_exports.exports(writers=program_exports.WRITERS)), ids=lambda export: export.tool)
+def test_no_damage_to_an_export_of_a_program_ends_in_a_fault(export):
+    for number in range(4):
+        content, lines = tool_exports.damage(export.content, random.Random(f"program-{number}")), 1
+        try:
+            read_log(export.name, content=content)
+        except LogError as problem:
+            lines = len(str(problem).splitlines())
+        assert lines == 1

@@ -50,7 +50,7 @@ def decompress(path: Path, data: bytes, repairs: list[str]) -> bytes:
         return data
     try:
         content = read_beyond(opened(io.BytesIO(data)), _MOST_UNPACKED)
-    except (EOFError, OSError, RuntimeError, zlib.error, lzma.LZMAError, zipfile.BadZipFile) as problem:
+    except (EOFError, OSError, RuntimeError, ValueError, zlib.error, lzma.LZMAError, zipfile.BadZipFile) as problem:
         rest = _rest(data)
         if not rest:
             raise LogError("a compressed file that is damaged", file=path, expected="a whole one") from problem
@@ -70,7 +70,7 @@ def _only_file(path: Path, data: bytes) -> Callable[[io.BytesIO], Any] | None:
     """Return what opens the only file in a .zip, None of a workbook and of a damaged one, which its reader refuses."""
     try:
         archive = zipfile.ZipFile(io.BytesIO(data))
-    except zipfile.BadZipFile:
+    except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError):
         return None
     names = [name for name in archive.namelist() if not name.endswith("/")]
     if not {"[Content_Types].xml", "content.xml"}.isdisjoint(names):  # of .xlsx and .ods
