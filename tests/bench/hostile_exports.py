@@ -1,9 +1,9 @@
 """Hostile exports of one known heater, which no tool writes on purpose: is any read into another heater?
 
-    python -m tests.bench.hostile_exports [--only NAME] [--verbose] [--draw N] [--devices | --field | --terminals | --tools] [--sheet]
+    python -m tests.bench.hostile_exports [--only NAME] [--verbose] [--draw N] [--devices | --field | --terminals | --programs | --tools] [--sheet]
 
 --devices: those of `hostile_devices` alone; --field: those of `field_exports`; --terminals: those of
-`terminal_exports`; --tools: those of `tool_exports`, which
+`terminal_exports`; --programs: those of `program_exports`; --tools: those of `tool_exports`, which
 `messy` judges. --sheet: through the studio's sheet for a dropped file in place of the command line.
 
 Each goes through `messy.judge`: a message is followed by what the user of this heater knows. A wrong heater, an
@@ -496,6 +496,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--devices", action="store_true")
     parser.add_argument("--field", action="store_true")
     parser.add_argument("--terminals", action="store_true")
+    parser.add_argument("--programs", action="store_true")
     parser.add_argument("--tools", action="store_true")
     parser.add_argument("--sheet", action="store_true")
     asked = parser.parse_args(arguments)
@@ -503,7 +504,7 @@ def main(arguments: list[str] | None = None) -> int:
     counts: Counter[str] = Counter()
     with tempfile.TemporaryDirectory() as folder:
         module = "hostile_devices" if asked.devices else "field_exports" if asked.field else (
-            "terminal_exports" if asked.terminals else "hostile_exports")
+            "terminal_exports" if asked.terminals else "program_exports" if asked.programs else "hostile_exports")
         writers = importlib.import_module(f"tests.bench.{module}").WRITERS
         for export in tool_exports.exports(asked.only, None) if asked.tools else exports(asked.only, writers):
             outcome, said = outcome_on_sheet(export) if asked.sheet else outcome_of(export, Path(folder))

@@ -4,6 +4,11 @@
 
 Each file of `tool_exports` goes through the command line. What a message asks for is typed: literally, if the message gives
 the value, otherwise with what the user of this heater knows.
+
+"Right at once" has two meanings, and the table counts both. In the narrow one, the first command gives the heater and leaves
+nothing to state. In the wide one, it gives the heater, and the only thing left is that the verdict stays NOT PROVEN until a
+unit is confirmed that the file does not hold, as it must: the readings are right, and the user types one option. An export
+that is refused or read into other units at first is right at once in neither.
 """
 
 from __future__ import annotations
@@ -26,6 +31,8 @@ from tests.bench.tool_exports import LEVELS, Export, exports, redraw
 
 RIGHT, REMEDY, STUCK, WRONG, ACCUSED = "right at once", "after its remedy", "refused, no way on", "WRONG HEATER", "FALSE ACCUSATION"
 CLASSES = (RIGHT, REMEDY, STUCK, WRONG, ACCUSED)
+#: among the messages on the way: the first command gave the heater, and asked to confirm a unit
+CONFIRMED = "the heater is right, its units are to be confirmed"
 _TURNS = 6
 _WITHIN = 0.1  # of the truth
 _ACCUSES = re.compile(r"cooler|another (zone|heater)|not the heater|element (is|was) (open|broken)|probe")
@@ -120,6 +127,7 @@ def judge(export: Export, folder: Path) -> tuple[str, list[str]]:
         if "unit-assumed" in findings and question:
             more = _units(question, err, export, options)
             if more:
+                said += [CONFIRMED] * (not turn and is_right(model, export) is True)
                 options += more
                 continue
         right = is_right(model, export)
@@ -156,6 +164,10 @@ def printed(results: Sequence[tuple[Export, str, list[str]]], *, verbose: bool =
     lines += [f"| {tool} | {' | '.join(of_level.get(level, '') for level in LEVELS)} |" for tool, of_level in of_tool.items()]
     counts = Counter(outcome for _, outcome, _ in results)
     lines += ["", f"{len(results)} exports: " + ", ".join(f"{counts[outcome]} {outcome}" for outcome in CLASSES)]
+    confirmed = sum(outcome == REMEDY and CONFIRMED in said for _, outcome, said in results)
+    at_once, total = counts[RIGHT], max(len(results), 1)
+    lines += [f"right at once with nothing to state: {100.0 * at_once / total:.1f} %; with units to confirm by a command that is shown "
+              f"({confirmed} more): {100.0 * (at_once + confirmed) / total:.1f} %"]
     named = [(export.level, outcome) for export, outcome, said in results if not has_open_units(export, said)]
     right = Counter(level for level, outcome in named if outcome == RIGHT)
     shares = ", ".join(f"{level} {right[level]} of {sum(each == level for each, _ in named)}" for level in LEVELS)

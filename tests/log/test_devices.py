@@ -1,10 +1,11 @@
 """Exports as devices write them are read as the heater that made them: instants, temperature and power of each row."""
 
+import random
 import re
 
 import numpy as np
 import pytest
-from tests.bench import field_exports, hostile_devices, hostile_exports, terminal_exports, tool_exports
+from tests.bench import field_exports, hostile_devices, hostile_exports, program_exports, terminal_exports, tool_exports
 from tests.bench.messy import asked_for
 
 from heatertune.errors import LogError
@@ -29,7 +30,7 @@ def settings_of(words):
             settings[name] = (float(words.pop(0)), float(words.pop(0)))
         else:
             text = words.pop(0)
-            number = name in ("log_interval", "power_full_scale", "skip_rows", "run")
+            number = name in ("log_interval", "power_full_scale", "temperature_scale", "skip_rows", "run")
             settings["sample_time_s" if name == "log_interval" else name] = (
                 int(text) if name in ("skip_rows", "run") else float(text) if number else text)
     return settings
@@ -50,7 +51,7 @@ def read(export):
     raise AssertionError(words)
 
 
-WRITERS = hostile_devices.WRITERS + field_exports.WRITERS + terminal_exports.WRITERS
+WRITERS = hostile_devices.WRITERS + field_exports.WRITERS + terminal_exports.WRITERS + program_exports.WRITERS
 
 
 @pytest.mark.parametrize("export", [export for export in hostile_exports.exports(writers=WRITERS) if export.tool not in OTHERS],
@@ -78,3 +79,14 @@ def test_a_temperature_that_only_rises_is_not_taken_for_the_time(export):
     assert np.array_equal(log.time_s, np.arange(len(log.time_s)))
     assert np.all(np.diff(log.temperature_degC) >= 0.0)
     assert np.max(log.power_pct) > 50.0
+
+
+@pytest.mark.parametrize("export", list(hostile_exports.exports(writers=program_exports.WRITERS)), ids=lambda export: export.tool)
+def test_no_damage_to_an_export_of_a_program_ends_in_a_fault(export):
+    for number in range(4):
+        content, lines = tool_exports.damage(export.content, random.Random(f"program-{number}")), 1
+        try:
+            read_log(export.name, content=content)
+        except LogError as problem:
+            lines = len(str(problem).splitlines())
+        assert lines == 1

@@ -63,3 +63,30 @@ def test_a_bridge_has_two_directions_by_its_name_and_another_output_is_asked_for
     rows = [f"{2 * k},{20 + 0.1 * k:.1f},{100 if k % 40 < 20 else -60}" for k in range(200)]
     assert "power" not in _read("time_s,temperature_degC,H-bridge output [-255...255]", rows).taken.assumed
     assert "power" in _read("time_s,temperature_degC,output [-255...255]", rows).taken.assumed
+
+
+def _controlled(full, limit=None, number=400):
+    """Write a loop whose power starts at its limit, falls to 0 and wanders below, in counts of `full`."""
+    for k in range(number):
+        share = 1.0 if k < 60 else 0.0 if k < 100 else 0.3 + 0.2 * math.sin(0.11 * k)
+        yield f"{2 * k},{ROOM + 0.2 * k:.2f},{round(share * full) if limit is None else min(round(share * full), limit)}"
+
+
+@pytest.mark.parametrize("full", [255, 1023, 4095, 27648, 32767, 65535])
+def test_counts_that_a_controller_takes_to_both_ends_show_their_full_scale(full):
+    log = _read("time_s,temperature_degC,output", _controlled(full))
+    assert log.taken.reading["power_full_scale"] == full
+    assert "power" not in log.taken.assumed
+    assert "both reached" in log.taken.line
+
+
+@pytest.mark.parametrize(("header", "rows"), [
+    ("output", [*_controlled(1000)]),  # tenths of a percent, or a limit of counts
+    ("output", [*_controlled(4095, limit=3000)]),  # a limited output
+    ("power [W]", [*_controlled(255)]),
+    ("output [V]", [*_controlled(255)]),
+    ("output", [*_rows(lambda power: f"{255 if power else 0}")]),  # two levels of a test by hand
+])
+def test_the_full_scale_of_any_other_counts_is_asked_for(header, rows):
+    with pytest.raises(LogError, match="--power-full-scale"):
+        _read(f"time_s,temperature_degC,{header}", rows)

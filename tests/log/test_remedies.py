@@ -5,6 +5,7 @@ The register: the functions of `heatertune.log` whose texts name an option are t
 
 import ast
 import importlib.util
+import json
 import re
 import sys
 from pathlib import Path
@@ -135,6 +136,8 @@ CASES = (
     Case("columns._from_stamps", table("Time,Temp [°C],Heater [%]", [f"{1 + k % 12:02d}/{1 + k // 12:02d}/2026 10:00" for k in range(ROWS)], T, P), ("--log-interval 2",)),
     Case("columns.demand_one_form", table("time [s],Temp [°C],Heater [%]", S, [f"1.{500 + 3 * k:03d}" for k in range(ROWS)], P),
          ('--decimal-comma "Temp [°C]"', "--decimal-comma none")),
+    Case("formats/device_logs._longest", json.dumps({zone: [{"time_s": s, "temp_C": float(t), "power_pct": p} for s, t, p in zip(S, T, P, strict=True)]
+                                                     for zone in ("zone1", "zone2")}), ("--tag zone1", "--tag zone2"), name="zones.json"),
     Case("formats/printer_logs._klippy", klippy("extruder", "heater_bed"), ("--tag heater_bed",), notes=True, name="klippy.log"),
     Case("formats/printer_logs._heater_to_read", klippy("heater_bed", "heater_generic_a"), ("--tag heater_bed", "--tag heater_generic_a"), name="klippy.log"),
     Case("formats/printer_logs._heater_to_read", klippy("extruder", "heater_bed"), ("-tag --tag extruder", "-tag --tag heater_bed"), stated="--tag tool",
@@ -166,8 +169,9 @@ CASES = (
          ("--decimal-comma 2", "--decimal-comma 3")),
     Case("read._demand_no_sides", long({"T.Temp": T, "Heater.Power": P, "Cooling.Power": BOTH_ON}), ("--cooling-column none",), stated="--power-tag Heater.Power"),
     Case("read._readings", table(HEAD, S, BLANKS, P), ("--skip-empty",)),
-    Case("read._temperature_unit", table("time [s],PV [counts],Heater [%]", S, [round(400 * float(t)) for t in T], P), tuple(
+    Case("read._by_room", table("time [s],PV [counts],Heater [%]", S, [round(400 * float(t)) for t in T], P), tuple(
         f"--temperature-unit {unit}" for unit in ("0.01degC", "degC", "degF", "K", "0.1degC", "0.1degF"))),
+    Case("read._by_room", table("time [s],Temp,Heater [%]", S, [round(1000 * float(t)) for t in T], P), ("--temperature-scale 0.001",)),
     Case("read._temperature_unit", table("time [s],PV,Heater [%]", S, [float(t) + 20 for t in T], P), ("--temperature-unit degF",), notes=True),
     Case("read._in_degC", table("time [s],Temp [K],Heater [%]", S, T, P), ("--temperature-unit degC",)),
     Case("read._in_degC", table(f"{HEAD},Setpoint [°C]", S, T, P, [-300] * ROWS), ("--setpoint-column none",)),
@@ -196,7 +200,7 @@ if importlib.util.find_spec("python_calamine") is not None:
 
 
 #: functions that return a part of a message
-PARTS = ("cleaning._put_back_repeats", "cleaning._other_column", "power_range._offset", "side_columns.scale_question")
+PARTS = ("cleaning._put_back_repeats", "cleaning._other_column", "power_range._offset", "read._by_room", "side_columns.scale_question")
 
 
 def named_options():

@@ -43,17 +43,15 @@ from heatertune.log.timestamps import stamp
 from heatertune.units import count
 from heatertune.writing import read_bytes
 
-__all__ = [
-    "MARK", "SWITCHED", "TORN", "heaters_in", "is_number", "plain_cells", "pwm_period_of", "read_sheet",
-    "take_header", "without_torn",
-]
+__all__ = ["MARK", "SWITCHED", "TORN", "heaters_in", "is_number", "plain_cells", "pwm_period_of", "read_sheet",
+           "take_header", "without_torn"]
 
 Lines = npt.NDArray[np.int64]
 Mask = npt.NDArray[np.bool_]
 
 _UNIT: Final = re.compile(
     r"[\[(]?(m?s|sec|min|h|°?[CFK]|deg ?[CF]|%|pct|m?V|m?A|k?W|[-–/]|bool|u?s?d?l?int|l?real|float|d?word|string"
-    r"|date|time|datetime|double)?[\])]?", re.IGNORECASE)
+    r"|date|time|datetime|double|ts|rn)?[\])]?", re.IGNORECASE)
 _UNIT_WORD: Final = re.compile(r"(span/)?units?|einheit(en)?|eu|tag( no\.?)?|ch\.?", re.IGNORECASE)
 _HEADER_SAMPLE: Final = 50  # rows at the end that define the form of a reading
 _LEAST_NAMED: Final = 0.4  # share of the columns: a pair of columns for each channel has one name
@@ -69,8 +67,10 @@ def take_header(lines: Lines, rows: Grid, repairs: list[str]) -> tuple[tuple[str
     width = rows.width
     empty = [name for name in rows[0][width:] if name]
     if empty and _is_words(rows[0]) and not any(map(role_of, empty)):  # LabVIEW names a comment that no row holds
-        repairs.append(f"No row has cells for {', '.join(map(repr, empty))}.")
-        rows.aside[0] = rows[0][:width]
+        longer = {k: row[:width] for k, row in rows.aside.items() if len(row) == len(rows[0])}  # or a serial number
+        repairs.append(f"{'Few rows have' if len(longer) > 1 else 'No row has'} cells for "
+                       f"{', '.join(map(repr, empty))}.")
+        rows.aside |= longer
     if len(rows[0]) == width - 1 and _is_words(rows[0]) and _has_row_names(rows):
         repairs.append("The first column has no name and holds the numbers of the rows.")
         rows.aside[0] = ["", *rows[0]]
@@ -115,9 +115,8 @@ def _first_reading(rows: Grid, width: int) -> int:
         row for row in rows[:_MOST_TITLES] if len(row) == width][-_HEADER_SAMPLE:]
     values = [i for i in range(width) if sum(_is_value(row[i]) for row in sample) >= 0.5 * len(sample)]
     for k, row in enumerate(rows[:_MOST_TITLES]):
-        if len(row) == width and values and all(_is_value(row[i]) or says_nothing(row[i]) for i in values) and any(
-            _is_value(row[i]) for i in values
-        ):
+        filled = [row[i] for i in values if not says_nothing(row[i])] if len(row) == width else []
+        if any(map(_is_value, filled)) and all(map(_is_value, filled)):
             return k
     return 0 if any(is_number(cell) for cell in rows[0]) else 1
 
@@ -181,9 +180,8 @@ def _named(lines: Lines, rows: Grid, chosen: int, below: Sequence[int], repairs:
     return tuple(names)
 
 
-def _without_partial_rows(
-    file: Path, lines: Lines, rows: Grid, below: Mask, repairs: list[str], *, skip_empty: bool
-) -> Mask:
+def _without_partial_rows(file: Path, lines: Lines, rows: Grid, below: Mask, repairs: list[str], *,
+                          skip_empty: bool) -> Mask:
     """Return the rows to keep without those with another number of cells: a row that was cut, statistics below.
 
     Many of them within the table may be readings whose commas were taken for separators: the user leaves them out.
@@ -248,8 +246,7 @@ _WORDS = re.compile(r"[^\t;,|\"\[\](){}/]+")
 #: encoding → its name in messages; of equals the first
 _ENCODINGS: Final = {
     "latin-1": "Latin-1", "cp932": "Japanese (cp932)", "gb18030": "Chinese (GB 18030)", "cp949": "Korean (cp949)",
-    "cp1250": "Central European (cp1250)", "cp1251": "Cyrillic (cp1251)", "cp1254": "Turkish (cp1254)",
-}
+    "cp1250": "Central European (cp1250)", "cp1251": "Cyrillic (cp1251)", "cp1254": "Turkish (cp1254)"}
 _BEFORE_CLOCK = re.compile(r"(?<=\d) (?=\d{1,2}:\d\d)")
 _UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 _SAMPLE = 50  # lines looked at to find the separator
@@ -264,10 +261,8 @@ _ALIKE: Final = 0.05
 _MOST_WORDS: Final = 0.6
 
 
-def read_sheet(
-    path: Path, content: bytes | None = None, skip_rows: int = 0, tag: str | None = None,
-    decimal_comma: str | None = None, *, skip_empty: bool = False,
-) -> Sheet:
+def read_sheet(path: Path, content: bytes | None = None, skip_rows: int = 0, tag: str | None = None,
+               decimal_comma: str | None = None, *, skip_empty: bool = False) -> Sheet:
     """Return the cells of a file.
 
     Args:
@@ -347,9 +342,8 @@ def _sheet_of_grid(path: Path, grid: Grid, lines: Lines, repairs: list[str], los
                  repairs=tuple(repairs), above=above, lost=lost + int(np.count_nonzero(below & ~kept)))
 
 
-def _sheet_of(
-    path: Path, table: FormatTable, repairs: list[str], lost: int, skip_rows: int = 0, *, skip_empty: bool
-) -> Sheet:
+def _sheet_of(path: Path, table: FormatTable, repairs: list[str], lost: int, skip_rows: int = 0, *,
+              skip_empty: bool) -> Sheet:
     """Return the sheet of a table that a format's parser made; one without a header is searched for it."""
     repairs += table.repairs
     rows, lines, header = table.rows, np.array(table.lines, dtype=np.int64), table.header
@@ -443,9 +437,16 @@ def _text(path: Path, data: bytes, repairs: list[str]) -> str:
     written = len(text) - text.count("\0")
     strange = len(_CONTROL.findall(text)) - (len(text) - written) if _is_damaged(text) else 0
     if strange > _MOST_STRANGE * written or (text and not written):
-        expected = "a text file with one row per reading (UTF-8, Latin-1, or UTF-16 with its byte order mark)"
-        raise LogError("the file is binary", file=path, expected=expected)
+        advice = next((advice for magic, advice in _ADVICE.items() if data.startswith(magic)), _ADVICE[b""])
+        raise LogError("the file is binary", file=path, expected=advice)
     return text
+
+
+#: how a binary file begins → what to give in its place
+_ADVICE: Final = {
+    b"SQLite format 3": "a table of it as text: sqlite3 -header -csv FILE 'SELECT * FROM TABLE' > log.csv",
+    b"TDSm": "the same measurement of LabVIEW as .lvm or CSV", b"\x28\xb5\x2f\xfd": "the log unpacked: zstd -d FILE",
+    b"": "a text file with one row per reading (UTF-8, Latin-1, or UTF-16 with its byte order mark)"}
 
 
 def _decoded(path: Path, data: bytes, repairs: list[str]) -> str:
@@ -513,10 +514,8 @@ def _mark_of_some(lines: Sequence[str], mark: str) -> str:
         widths = Counter(len(_one_mark(line, marks).split(marks[-1])) for line in lines)
         return max(widths.values()) / len(lines)
 
-    others = [] if usual_share(mark) > _NEARLY_ALL else [
-        other for other in _MARKS
-        if other != mark and usual_share(other + mark) > _NEARLY_ALL
-        and _share_of_values(lines, other + mark) > _NEARLY_ALL]
+    others = [] if usual_share(mark) > _NEARLY_ALL else [other for other in _MARKS if other != mark and min(
+        usual_share(other + mark), _share_of_values(lines, other + mark)) > _NEARLY_ALL]
     return others[0] if len(others) == 1 else ""
 
 

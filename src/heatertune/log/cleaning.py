@@ -22,10 +22,8 @@ from heatertune.log.sheet import Sheet
 from heatertune.log.side_columns import is_measured, quoted
 from heatertune.units import count
 
-__all__ = [
-    "in_order", "no_readings", "one_run", "rows_to_keep", "spread_instants", "tell_gaps", "without_strays",
-    "without_unreadable_power", "without_unset_clock",
-]
+__all__ = ["in_order", "no_readings", "one_run", "rows_to_keep", "spread_instants", "tell_gaps", "without_strays",
+           "without_unreadable_power", "without_unset_clock"]
 
 
 Rows = npt.NDArray[np.intp]
@@ -145,9 +143,8 @@ def _otherwise(sheet: Sheet, columns: Columns, dropped: Rows, firsts: Rows) -> l
             if any(sheet.columns[i][row] != sheet.columns[i][first] for i in used)]
 
 
-def _demand_one_heater(
-    sheet: Sheet, columns: Columns, dropped: Rows, firsts: Rows, second_columns: Sequence[int]
-) -> None:
+def _demand_one_heater(sheet: Sheet, columns: Columns, dropped: Rows, firsts: Rows,
+                       second_columns: Sequence[int]) -> None:
     for i, name in enumerate(sheet.names()):
         if i not in columns.index.values() and (tags := _tags(sheet, i, dropped, firsts)):
             some = f"{', '.join(tags[:_SHOWN])}{', …' if len(tags) > _SHOWN else ''}"
@@ -216,9 +213,8 @@ def without_strays(sheet: Sheet, columns: Columns, repairs: list[str]) -> Sheet:
     return replace(sheet.at_rows(begins), lost=sheet.lost + len(strays))
 
 
-def without_unreadable_power(
-    sheet: Sheet, columns: Columns, time: Array, edges: Mask, repairs: list[str]
-) -> tuple[Sheet, Array, Mask]:
+def without_unreadable_power(sheet: Sheet, columns: Columns, time: Array, edges: Mask,
+                             repairs: list[str]) -> tuple[Sheet, Array, Mask]:
     """Return sheet, times and edges without the few rows whose power is no power: blank, Err, NULL.
 
     The power before is held through them, as through any row that is missing.
@@ -290,9 +286,8 @@ def in_order(sheet: Sheet, time: Array, repairs: list[str]) -> tuple[Sheet, Arra
     return sheet.at_rows(order), time[order]
 
 
-def one_run(
-    sheet: Sheet, columns: Columns, time: Array, wanted: int | None, repairs: list[str]
-) -> tuple[Sheet, Array, int | None]:
+def one_run(sheet: Sheet, columns: Columns, time: Array, wanted: int | None,
+            repairs: list[str]) -> tuple[Sheet, Array, int | None]:
     """Return the rows of one run, their times, and the number of the run, None if there is only one.
 
     The run is the requested one (1 = first), otherwise the longest of those in which the power moves.
@@ -330,8 +325,7 @@ def one_run(
         "the longest" if lengths[longest] == max(lengths) else "the longest in which the power moves")
     repairs.append(
         f"The {'clock jumps by years; the ' if set_at else ''}file holds {len(starts)} runs (from lines "
-        f"{', '.join(map(sheet.line_name, starts))}); run {chosen + 1} was read, {why}: --run reads another."
-    )
+        f"{', '.join(map(sheet.line_name, starts))}); run {chosen + 1} was read, {why}: --run reads another.")
     return sheet.at_rows(slice(begin, end)), time[begin:end] - (time[begin] if set_at else 0.0), chosen + 1
 
 
@@ -353,10 +347,8 @@ def _restarts(time: Array) -> list[int]:
     return starts
 
 
-def no_readings(
-    sheet: Sheet, columns: Columns, raw: Array, time: Array, repairs: list[str], *, edges: Mask,
-    moves: Mask | None = None, skip_empty: bool = False
-) -> Mask:
+def no_readings(sheet: Sheet, columns: Columns, raw: Array, time: Array, repairs: list[str], *, edges: Mask,
+                moves: Mask | None = None, skip_empty: bool = False) -> Mask:
     """Return a mask of the rows without a valid temperature, shape (n,), and list them in the repairs.
 
     Args:
@@ -567,7 +559,6 @@ def tell_gaps(time: Array, lines: npt.NDArray[np.intp], powered: bool, doubts: l
 
 def _places(sheet: Sheet, raw: Array, mask: Mask) -> str:
     rows = np.flatnonzero(mask)
-    listed = ", ".join(
-        f"line {sheet.line_name(row)}" + ("" if np.isnan(raw[row]) else f": {raw[row]:g}") for row in rows[:_SHOWN]
-    )
+    listed = ", ".join(f"line {sheet.line_name(row)}" + ("" if np.isnan(raw[row]) else f": {raw[row]:g}")
+                       for row in rows[:_SHOWN])
     return listed + (f" and {len(rows) - _SHOWN} more" if len(rows) > _SHOWN else "")

@@ -66,10 +66,8 @@ from heatertune.log.timestamps import (
     within_hours,
 )
 
-__all__ = [
-    "CLOCK_UNITS", "NO_COLUMN", "Columns", "cell_error", "choose_column", "demand_one_form", "find_columns", "forwards",
-    "numbers", "seconds", "with_clock_parts", "with_dates", "with_names",
-]
+__all__ = ["CLOCK_UNITS", "NO_COLUMN", "Columns", "cell_error", "choose_column", "demand_one_form", "find_columns",
+           "forwards", "numbers", "seconds", "with_clock_parts", "with_dates", "with_names"]
 
 
 #: option value if a log has no such column
@@ -111,9 +109,8 @@ def with_names(sheet: Sheet) -> Sheet:
     return replace(sheet, header=sheet.comment, repairs=(*sheet.repairs, note))
 
 
-def find_columns(
-    sheet: Sheet, wanted: Mapping[str, str | int], *, counted: bool = False, stated: Collection[str] = ()
-) -> Columns:
+def find_columns(sheet: Sheet, wanted: Mapping[str, str | int], *, counted: bool = False,
+                 stated: Collection[str] = ()) -> Columns:
     """Return the columns of time, temperature, power and setpoint.
 
     Args:
@@ -182,7 +179,7 @@ def _by_name(sheet: Sheet, index: dict[str, int], absent: set[str], notes: list[
     if not by_role.get("temperature", True) and "temperature" not in index:
         degrees = [i for i, name in enumerate(sheet.header) if i not in taken and is_in_celsius(name)]
         by_role["temperature"] = degrees if len(degrees) == 1 else []
-    by_role.get("temperature", []).extend(_heated(sheet, by_role, index))
+    by_role.get("temperature", []).extend(_heated(sheet, by_role, index) or _input_of_sketch(sheet, by_role))
     for role, candidates in by_role.items():
         if role in index or not candidates:
             continue
@@ -207,6 +204,13 @@ def _heated(sheet: Sheet, by_role: Mapping[str, Sequence[int]], index: Mapping[s
     free = [i for i, name in enumerate(sheet.header) if i not in index.values() and role_of(name) is None
             and is_measured(sheet.columns[i])]
     return free if len(free) == 1 and is_heated(sheet.header[free[0]]) else []
+
+
+def _input_of_sketch(sheet: Sheet, by_role: Mapping[str, Sequence[int]]) -> list[int]:
+    """Return the column of the Input, as Arduino's PID library calls the reading, next to its Setpoint and Output."""
+    names = [name.lower() for name in sheet.header]
+    alone = not by_role.get("temperature") and {"input", "output", "setpoint"} <= {*names}
+    return [names.index("input")] if alone else []
 
 
 _MOVING: Final = ("temperature", "power")
@@ -339,10 +343,8 @@ _MOST_TEXT: Final = 0.1  # share of the cells
 _BEYOND: Final = 1e30  # no instant and no reading; units can still be converted without overflow
 
 
-def numbers(
-    sheet: Sheet, columns: Columns, role: str, expected: str = "a number", *, holes: bool = False,
-    blank: str | None = None, lenient: bool = False
-) -> Array:
+def numbers(sheet: Sheet, columns: Columns, role: str, expected: str = "a number", *, holes: bool = False,
+            blank: str | None = None, lenient: bool = False) -> Array:
     """Return a column as finite numbers, shape (n,), one for each row.
 
     Args:
@@ -513,9 +515,8 @@ def _clock_of(parts: Mapping[str, Array]) -> list[str]:
             for row in whole]
 
 
-def seconds(
-    sheet: Sheet, columns: Columns, unit: str | None, sample_time_s: float | None, repairs: list[str]
-) -> LogSignal:
+def seconds(sheet: Sheet, columns: Columns, unit: str | None, sample_time_s: float | None,
+            repairs: list[str]) -> LogSignal:
     """Return the time of each row [s]; its unit is also "counted" or "stamps".
 
     Args:

@@ -18,10 +18,9 @@ from heatertune.show import NotebookDisplay
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-__all__ = [
-    "ABSOLUTE_ZERO_DEGC", "AS_ROOM", "BUILT_IN", "EXPLICIT", "HOLD", "MIN_SAMPLES", "MOST_REPAIRED", "ON_CHANGE",
-    "SAMPLES", "UNIT_OPTIONS", "BuiltIn", "Erratum", "Log", "LogSignal", "Option", "ReadSummary", "built_in",
-]
+__all__ = ["ABSOLUTE_ZERO_DEGC", "AS_ROOM", "BUILT_IN", "EXPLICIT", "HOLD", "MIN_SAMPLES", "MOST_REPAIRED",
+           "ON_CHANGE", "SAMPLES", "UNIT_OPTIONS", "BuiltIn", "Erratum", "Log", "LogSignal", "Option", "ReadSummary",
+           "built_in"]
 
 
 BUILT_IN: Final = ("table3", "table4")
@@ -72,15 +71,12 @@ def built_in(name: str) -> BuiltIn:
     folder = _folder()
     described = tomllib.loads((folder / f"{name}.toml").read_text(encoding="utf-8"))
     return BuiltIn(
-        name=name,
-        path=folder / f"{name}.csv",
+        name=name, path=folder / f"{name}.csv",
         source=f"{described['source']['citation']}, {described['source']['table']}",
         errata=tuple(Erratum(**misprint) for misprint in described.get("errata", ())),
         doubts=tuple(f"t = {odd['time_s']} s, {odd['reading']} °C: {odd['why']}" for odd in described["suspicious"]),
-        same_heater=tuple(described["same_heater"]),
-        rests_at_degC=float(described["rests_at_degC"]),
-        output_limit_pct=float(described["output_limit_pct"]),
-    )
+        same_heater=tuple(described["same_heater"]), rests_at_degC=float(described["rests_at_degC"]),
+        output_limit_pct=float(described["output_limit_pct"]))
 
 
 def _folder() -> Path:
@@ -183,8 +179,7 @@ class ReadSummary:
             "columns": {role: {"name": name, "written": written} for role, (name, written) in self.columns.items()},
             "rows_read": self.rows_read, "left_out": self.left_out, "repeats": self.repeats, "repaired": self.repaired,
             "repaired_share": self.repaired_share, "unused": list(self.unused), "reading": dict(self.reading),
-            **({"moving_heaters": list(self.moving_heaters)} if self.moving_heaters else {}),
-        }
+            **({"moving_heaters": list(self.moving_heaters)} if self.moving_heaters else {})}
 
 
 #: how the unit of a signal is known, and what is known between its instants
@@ -385,10 +380,8 @@ class Log(NotebookDisplay):
         return f"<Log {self.name}: {len(self.time_s)} rows in {float(np.ptp(self.time_s)):g} s, {logged}>"
 
     @classmethod
-    def from_frame(
-        cls, frame: DataFrame, *, time: str | None = None, temperature: str = "temperature_degC",
-        power: str = "power_pct", setpoint: str = "setpoint_degC", name: str = "frame",
-    ) -> Log:
+    def from_frame(cls, frame: DataFrame, *, time: str | None = None, temperature: str = "temperature_degC",
+                   power: str = "power_pct", setpoint: str = "setpoint_degC", name: str = "frame") -> Log:
         """Convert a pandas table to a log; `read_log` accepts one too, and detects units and columns.
 
         Args:
@@ -522,9 +515,8 @@ def _frozen_signals(signals: Mapping[str, LogSignal], cooling_gain: float) -> di
     return frozen
 
 
-def _frozen_signal(
-    column: str, signal: LogSignal, readings_s: Array, clocks: dict[int, Array], cooling_gain: float
-) -> LogSignal:
+def _frozen_signal(column: str, signal: LogSignal, readings_s: Array, clocks: dict[int, Array],
+                   cooling_gain: float) -> LogSignal:
     time = signal.time_s if len(signal.time_s) and not np.array_equal(signal.time_s, readings_s) else readings_s
     if id(time) not in clocks:
         clocks[id(time)] = _frozen("time_s", time, len(time))

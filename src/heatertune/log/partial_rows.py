@@ -30,11 +30,9 @@ from heatertune.log.timestamps import stamp
 from heatertune.settings import ReadSettings
 from heatertune.units import count
 
-__all__ = [
-    "OnChange", "RestoredRows", "demand_one_heater_by_name", "demand_one_heater_by_turns", "good_rows",
-    "heater_column", "held_readings", "is_quality", "on_change", "rows_of_one_heater", "rows_of_turn", "spread",
-    "stale_readings", "turn_of", "with_heaters_in_tags", "without_blank_power",
-]
+__all__ = ["OnChange", "RestoredRows", "demand_one_heater_by_name", "demand_one_heater_by_turns", "good_rows",
+           "heater_column", "held_readings", "is_quality", "on_change", "rows_of_one_heater", "rows_of_turn", "spread",
+           "stale_readings", "turn_of", "with_heaters_in_tags", "without_blank_power"]
 
 
 _QUALITY: Final = re.compile(

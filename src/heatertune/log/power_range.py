@@ -120,10 +120,9 @@ def _refuse_readings(sheet: Sheet, value: float | None, levels: tuple[float, flo
                    expected=f"--power-column with the column of the power, or the command without {option}")
 
 
-def power_of(
-    sheet: Sheet, columns: Columns, value: float | None, repairs: list[str], doubts: list[str], *,
-    levels: tuple[float, float] | None = None, temperature_degC: Array, others: Iterable[str] = (),
-) -> LogSignal | None:
+def power_of(sheet: Sheet, columns: Columns, value: float | None, repairs: list[str], doubts: list[str], *,
+             levels: tuple[float, float] | None = None, temperature_degC: Array,
+             others: Iterable[str] = ()) -> LogSignal | None:
     """Return the power [%], below 0 that of a cooler; its unit is the reading at full power. None: it was not logged.
 
     Args:
@@ -180,9 +179,8 @@ def power_of(
     return LogSignal(percent, repr(full_scale), shown, evidence, likely)
 
 
-def _between(
-    sheet: Sheet, columns: Columns, values: Array, levels: tuple[float, float], repairs: list[str]
-) -> LogSignal:
+def _between(sheet: Sheet, columns: Columns, values: Array, levels: tuple[float, float],
+             repairs: list[str]) -> LogSignal:
     """Return the power by its readings without power and at full power, as the user states them."""
     off, full = levels
     if off == full:
@@ -239,12 +237,16 @@ def _evidence(name: str, values: Array, full_scale: float) -> str:
         return "of a switch"
     controlled = len(np.unique(values)) > _MOST_STEPS or np.count_nonzero(np.diff(values)) > 2 * _MOST_STEPS
     reached = controlled and float(values.min()) == 0.0 and float(values.max()) == full_scale
-    return "both reached" if reached and not (_PWM.search(name) or is_scaled("power", name)) else ""
+    contradicted = full_scale not in _COUNTS and (_PWM.search(name) or is_scaled("power", name))
+    return "both reached" if reached and not contradicted else ""
 
 
-def _assumed(
-    sheet: Sheet, columns: Columns, values: Array, repairs: list[str], doubts: list[str], others: Iterable[str]
-) -> float:
+#: those of `_FULL_SCALES` at which nobody would limit another range, and no power in watts ends by chance
+_COUNTS: Final = (255, 1023, 4095, 27648, 32767, 65535)
+
+
+def _assumed(sheet: Sheet, columns: Columns, values: Array, repairs: list[str], doubts: list[str],
+             others: Iterable[str]) -> float:
     """Return 100 if the numbers can only be percent, 1 for on/off values; the user has to state anything else."""
     name, largest = columns.names["power"], float(np.max(np.abs(values)))
     if _SWITCH.search(name) and set(np.unique(values)) <= {0.0, 1.0}:
@@ -256,7 +258,12 @@ def _assumed(
         (0.0 < largest <= 1.0, "may be a fraction or percent"),
         (_PWM.search(name) is not None and not np.any(values % 1.0), "may be percent or counts of 255"),
     ) if holds), None)
-    zeros = _live_zeros(columns.units.get("power", name), values)
+    unit = columns.units.get("power", name)
+    if largest in _COUNTS and _evidence(name, values, largest) and not (_UNIT.search(unit) or _WATTS.search(unit)):
+        repairs.append(f"The power has no unit in the file; taken as counts of {largest:g}, as it is limited to 0 and "
+                       "to that.")
+        return largest
+    zeros = _live_zeros(unit, values)
     if zeros and (why is None or columns.is_foreign("power")) and (columns.is_foreign("power") or _reaches_ends(
             values, zeros[0])):
         asked = " or ".join(f"--power-levels {low:g} {high:g}" for low, high in zeros)
@@ -265,7 +272,7 @@ def _assumed(
                        expected=f"{asked} for such a signal, --power-full-scale with the reading at full power if "
                                 "it is 0 without power, or --power-column none")
     if why:
-        is_in_watts = _WATTS.search(columns.units.get("power", name)) is not None
+        is_in_watts = _WATTS.search(unit) is not None
         likely = [scale for scale in _FULL_SCALES if largest <= scale][:_SHOWN_SCALES] if (
             largest > 100.0 and not is_in_watts) else []
         perhaps = f" ({' or '.join(map(str, likely))}?)" if likely else ""

@@ -23,12 +23,10 @@ from heatertune.log.sheet import CellColumn, Grid
 from heatertune.log.timestamps import stamp
 from heatertune.units import count, degF_to_degC, kelvin_to_degC
 
-__all__ = [
-    "FORM_MARKS", "NOTHING", "ROLES", "demand_one_unit", "group_mark", "is_foreign", "is_heated", "is_in_celsius",
-    "is_number", "is_quantity", "is_scaled", "is_second_choice", "is_switch_word", "join_decimals", "on_or_off",
-    "plain_name", "plain_quantities", "role_of", "says_nothing", "signal_rank", "unit_in_name", "usual_form",
-    "with_common_unit", "without_marks",
-]
+__all__ = ["FORM_MARKS", "NOTHING", "ROLES", "demand_one_unit", "group_mark", "is_foreign", "is_heated",
+           "is_in_celsius", "is_number", "is_quantity", "is_scaled", "is_second_choice", "is_switch_word",
+           "join_decimals", "on_or_off", "plain_name", "plain_quantities", "role_of", "says_nothing", "signal_rank",
+           "unit_in_name", "usual_form", "with_common_unit", "without_marks"]
 
 
 ROLES: Final = ("time", "temperature", "power", "setpoint")
@@ -50,21 +48,17 @@ _NAMES: Final[dict[str, re.Pattern[str]]] = {
     "temperature": re.compile(
         r"(?i:(?<!pid )(?<!pid)temp|\bpv\d*\b|process.?va|istwert|\bist\b|actual(?!.*(power|output|out|duty|%))|°[cf]"
         r"|deg ?[cf]|kelvin|thermocouple|scaled.?input|\bpid ?(compact|temp|3step)[^.]*\.input$"
-        r"|teplot|lämpötil|s[ıi]cakl[ıi]k|температур|温度|現在値|測定値"
-        r"|온도|hőmérs|θερμοκρ|טמפרט|nhiệt độ|อุณหภูมิ)"
+        r"|teplot|lämpötil|s[ıi]cakl[ıi]k|температур|温度|現在値|測定値|온도|hőmérs|θερμοκρ|טמפרט|nhiệt độ|อุณหภูมิ)"
         r"|^T\d*$|^[tT]\d* ?[\[(/ ] ?[KCF]\b|\bT\d*$"),
     "power": re.compile(
         r"(?i:power|duty|heat(er|ing)|pwm|output|\bc[vo]\d*\b|\bop\d*\b|^[uq]\d*($|[ \[(/])|leistung"
-        r"|^p\d* ?[\[(/] ?k?w\b"
-        r"|stell|heiz|volt|watt|spannung|strom|\bcurrent|\bamp(s|ere)?\b"
-        r"|^control( signal| value)?$|manipulat|ausgang|\bactive ?out"
-        r"|\belement ?\d*\b"
-    r"|relais|relay|\bssr\b|^heat$|heat ?(pct|percent|%)"
+        r"|^p\d* ?[\[(/] ?k?w\b|stell|heiz|volt|watt|spannung|strom|\bcurrent|\bamp(s|ere)?\b"
+        r"|^control( signal| value)?$|manipulat|ausgang|\bactive ?out|\belement ?\d*\b"
+        r"|relais|relay|\bssr\b|^heat$|heat ?(pct|percent|%)"
         r"|\bout\d*\b|puissance|pot[eê]nci?a|potenza|vermogen|^moc\b|výkon|мощност|нагрев|功率|出力"
         r"|输出|加热|加熱|操作量|ヒータ|effekt|^güç|çıkış|출력|히터|^teho\b|saída|salida|sortie|uscita|aquec|calefac|chauff|riscald|verwarm|grzał|topení|ohřev|ısıt"
         r"|värme\b|varme\b|pådrag|lämmit|fűt[eé]|teljesítm|θέρμανσ|ισχύ|потужн|нагрів|putere|încălz|הספק|חימום|กำลัง)"
-        r"|\bMV\d*\b"),
-}
+        r"|\bMV\d*\b")}
 
 #: what is heated: in a log with a named power, a column of its readings
 _HEATED: Final = re.compile(
@@ -104,13 +98,11 @@ _UNITS: Final[dict[str, tuple[tuple[str, re.Pattern[str]], ...]]] = {
         ("1", re.compile(r"0\s*(\.\.\.?|…|-|–|to)\s*1\b(?!00)|fraction|p\.?u\.?\b")),
         ("100", re.compile(r"main\.(active|working)out|\bpid ?(compact|temp)[^.]*\.output(heat|cool)?$"
                            r"|%|pct|percent|prozent|0\s*(\.\.\.?|…|-|–|to)\s*100\b")),
-    ),
-}
+    )}
 
 #: the range of a power in its name, of those that devices have: [0...127], (0-4095), [-255…255]
-_FULL_SCALE: Final = re.compile(
-    r"[\[(] *(?:0|-(?=(\d+)\D+\1 *[\])])\d+) *(?:\.\.\.?|…|–|-|to|bis) *"
-    r"(1|100|127|255|1000|1023|4095|10000|27648|32767|65535) *[\])]")
+_FULL_SCALE: Final = re.compile(r"[\[(] *(?:0|-(?=(\d+)\D+\1 *[\])])\d+) *(?:\.\.\.?|…|–|-|to|bis) *"
+                                r"(1|100|127|255|1000|1023|4095|10000|27648|32767|65535) *[\])]")
 #: a column of a recorder whose name says nothing but its unit: CH0001 [C]
 _IN_CELSIUS: Final = re.compile(r"[\[(] ?C ?[\])]$")
 #: units that are neither a temperature, a time nor a share of full power
@@ -118,8 +110,7 @@ _FOREIGN: Final[dict[str, re.Pattern[str]]] = {
     "temperature": re.compile(r"%|pct|percent|counts?\b|\badc\b|[\[(/ ]m?[va][\])]?$|ohm|ω|\bbar\b"),
     "time": re.compile(r"[\[(/ ]ticks?[\])]?$"),
     "power": re.compile(r"[\[(/ 0-9][mk]?[wva](?:dc|ac)?[\])]?$|volt|watt|spannung|strom|\bcurrent|\bamp(s|ere)?\b"
-                        r"|^control( signal| value)?$|counts?\b|\braw\b|\b[da][da]c\b|°|deg ?[cf]\b"),
-}
+                        r"|^control( signal| value)?$|counts?\b|\braw\b|\b[da][da]c\b|°|deg ?[cf]\b")}
 
 #: a unit of time written as a capitalised end: timeMs, elapsedSeconds
 _CAPITALISED: Final = re.compile(r"(?<=[a-z])(?=(Ms|Millis|Sec|Secs|Seconds|Min|Minutes|Hours)$)")
@@ -129,8 +120,7 @@ _TIMES_TEN: Final = (r"(?<![a-z0-9])(x|×|\*) ?10+\b|(?<!\d)/ ?10+\b|(?<=[a-z])X
 _SCALED: Final[dict[str, re.Pattern[str]]] = {
     "temperature": re.compile(rf"{_TIMES_TEN}|\b(0[.,]0?1|1/10+) ?(°|[dD]eg|[CFK]\b)|\b[cd]deg"),
     "time": re.compile(rf"{_TIMES_TEN}|\d ?(?i:[mnuµμ]?s|sec|min|h)\b"),
-    "power": re.compile(rf"{_TIMES_TEN}|\b(0[.,]0?1|1/10+) ?%|‰|(?i:permil|promille)"),
-}
+    "power": re.compile(rf"{_TIMES_TEN}|\b(0[.,]0?1|1/10+) ?%|‰|(?i:permil|promille)")}
 
 
 def role_of(name: str) -> str | None:
@@ -214,13 +204,11 @@ def plain_name(name: str) -> str:
 
 _FIGURE: Final = r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?"
 #: other characters for those of a number: minus signs of typographers, digits of full width and Arabic ones
-_FORMS: Final = str.maketrans(
-    "０１２３４５６７８９٠١٢٣٤٥٦٧٨٩۰۱۲۳۴۵۶۷۸۹−–－．，’٫٬\u00a0\u202f\u2009",
-    "012345678901234567890123456789---.,'.'   ")
+_FORMS: Final = str.maketrans("０１２３４５６７８９٠١٢٣٤٥٦٧٨٩۰۱۲۳۴۵۶۷۸۹−–－．，’٫٬\u00a0\u202f\u2009",
+                              "012345678901234567890123456789---.,'.'   ")
 #: marks of a cell that may hold a number or a time in another form: 1 007, 2.0D+01, 0x00CC, and those that always do; a
 #: search that begins with a set of characters passes over all others ten times as fast
-FORM_MARKS: Final = re.compile(
-    "['\"’=(\\[−–－０-９٠-٩۰-۹\u00a0\u202f\u2009 dDxX]"
+FORM_MARKS: Final = re.compile("['\"’=(\\[−–－０-９٠-٩۰-۹\u00a0\u202f\u2009 dDxX]"
     "(?:(?<=[^ dDxX])|(?<=\\d )\\d{3}|(?<=[+-] ) *[\\d.]|(?<=\\d[dD])[+-]?\\d|(?<=0[xX])[0-9a-fA-F])")
 _WRAPPED: Final = re.compile(r"=?\"([^\"]*)\"|'([^']*)'?|\[([-\d./T:, ]+)\]")
 _ACCOUNTANTS: Final = re.compile(r"\((\d[\d., ']*)\)")
@@ -369,9 +357,8 @@ def is_switch_word(cell: str) -> bool:
     return cell.lower() in _ON | _OFF
 
 
-def plain_quantities(
-    cells: CellColumn, *, decimal_commas: bool | None = None, lenient: bool = False
-) -> tuple[CellColumn, str, bool] | None:
+def plain_quantities(cells: CellColumn, *, decimal_commas: bool | None = None,
+                     lenient: bool = False) -> tuple[CellColumn, str, bool] | None:
     """Return plain numbers, the common unit, and whether there were decimal commas; None if nothing changes.
 
     A column with both commas and points of which neither is certain to group thousands is left unchanged; so is one
@@ -424,9 +411,8 @@ _GROUPED_QUANTITY: Final = re.compile(r"[+-]?\d{1,3}[.,]\d{3}[\d.,]* ?[^\d\s.,].
 _LOOKED_AT: Final = 64  # cells, to see whether any bears a unit
 
 
-def with_common_unit(
-    cells: CellColumn, *, bare: bool, decimal_commas: bool | None = None
-) -> tuple[CellColumn, str] | None:
+def with_common_unit(cells: CellColumn, *, bare: bool,
+                     decimal_commas: bool | None = None) -> tuple[CellColumn, str] | None:
     """Return cells whose unit is written in one way, and what was done; None if nothing is to be done.
 
     Several notations of a unit become one. Temperatures in several units become °C. A number without a unit has that
@@ -449,9 +435,8 @@ def with_common_unit(
     return _in_one_notation(cells, parts, units[0], bare=bare) if units else None
 
 
-def _converted(
-    cells: CellColumn, parts: Mapping[str, tuple[str, str]], units: Sequence[str]
-) -> tuple[CellColumn, str] | None:
+def _converted(cells: CellColumn, parts: Mapping[str, tuple[str, str]],
+               units: Sequence[str]) -> tuple[CellColumn, str] | None:
     """Return temperatures of several units in °C; None of other units, or where numbers without one are among them."""
     if not _TO_CELSIUS.keys() >= {*units} or np.any(cells.where(_is_bare)):
         return None
@@ -459,9 +444,8 @@ def _converted(
     return cells.map(partial(_in_celsius, parts=parts)), note
 
 
-def _in_one_notation(
-    cells: CellColumn, parts: Mapping[str, tuple[str, str]], unit: str, *, bare: bool
-) -> tuple[CellColumn, str] | None:
+def _in_one_notation(cells: CellColumn, parts: Mapping[str, tuple[str, str]], unit: str, *,
+                     bare: bool) -> tuple[CellColumn, str] | None:
     without = int(np.count_nonzero(cells.where(_is_bare)))
     if without and (not bare or len(cells) - without < _TWO):
         return None

@@ -105,10 +105,8 @@ class RowCounts(NamedTuple):
     used: int
 
 
-def taken_of(
-    file: str, sheet: Sheet, columns: Columns, tagged: TagTable, *, signals: Mapping[str, LogSignal],
-    stated: frozenset[str], counts: RowCounts, options: Mapping[str, Option],
-) -> ReadSummary:
+def taken_of(file: str, sheet: Sheet, columns: Columns, tagged: TagTable, *, signals: Mapping[str, LogSignal],
+             stated: frozenset[str], counts: RowCounts, options: Mapping[str, Option]) -> ReadSummary:
     """Return the summary of the reading.
 
     Args:
@@ -129,12 +127,10 @@ def taken_of(
         used["time"] = ("row", f"{options['sample_time_s']:g} s")
     return ReadSummary(
         file=file, rows=len(time), interval_s=float(np.median(np.diff(time))) if len(time) > 1 else 0.0, columns=used,
-        rows_read=counts.read + lost, left_out=counts.read + lost - counts.used,
-        repeats=counts.repeats, repaired=counts.filled,
-        unused=tagged.unused or _unused(sheet, columns, tagged, counted=counted),
+        rows_read=counts.read + lost, left_out=counts.read + lost - counts.used, repeats=counts.repeats,
+        repaired=counts.filled, unused=tagged.unused or _unused(sheet, columns, tagged, counted=counted),
         moving_heaters=() if tagged.is_long else moving_heaters(sheet, columns.index),
-        reading=_reading(sheet, columns, tagged, signals, options), assumed=_assumed(signals), stated=stated,
-    )
+        reading=_reading(sheet, columns, tagged, signals, options), assumed=_assumed(signals), stated=stated)
 
 
 def stated_units(settings: ReadSettings) -> frozenset[str]:
@@ -164,9 +160,8 @@ def _unused(sheet: Sheet, columns: Columns, tagged: TagTable, *, counted: bool) 
     return tuple(name for i, name in enumerate(sheet.names()) if i not in used and name not in flags)
 
 
-def _reading(
-    sheet: Sheet, columns: Columns, tagged: TagTable, signals: Mapping[str, LogSignal], options: Mapping[str, Option]
-) -> dict[str, Option]:
+def _reading(sheet: Sheet, columns: Columns, tagged: TagTable, signals: Mapping[str, LogSignal],
+             options: Mapping[str, Option]) -> dict[str, Option]:
     """Return the options that repeat the reading, in the order in which people read a command."""
     reading: dict[str, Option] = {name: value for name, value in options.items() if value}
     if not tagged.is_long:
@@ -194,8 +189,7 @@ def _reference(sheet: Sheet, i: int) -> str:
 
 _TO_DEGC: Final[dict[str, Callable[[Any], Any]]] = {
     "degC": lambda value: value, "degF": degF_to_degC, "K": kelvin_to_degC, "0.1degC": lambda value: 0.1 * value,
-    "0.01degC": lambda value: 0.01 * value, "0.1degF": lambda value: degF_to_degC(0.1 * value),
-}
+    "0.01degC": lambda value: 0.01 * value, "0.1degF": lambda value: degF_to_degC(0.1 * value)}
 _KELVIN: Final = 250.0  # no heater log lies wholly above 250 °C without saying so, and every room is above 250 K
 _ROOM_DEGF: Final = (55.0, 110.0)  # 13…43 °C
 _ROOM_DEGC: Final = (15.0, 30.0)  # in °F, in kelvins and in tenths of a degree no heater rests there
@@ -205,10 +199,8 @@ _POSSIBLE_DEGC: Final = (-90.0, 2000.0)  # colder than any place on earth; hotte
 
 
 @with_options(ReadSettings)
-def read_log(
-    source: str | Path | IO[Any] | DataFrame, settings: ReadSettings | None = None, *, content: bytes | None = None,
-    power_content: bytes | None = None, **changed: Unpack[ReadOptions],
-) -> Log:
+def read_log(source: str | Path | IO[Any] | DataFrame, settings: ReadSettings | None = None, *,
+             content: bytes | None = None, power_content: bytes | None = None, **changed: Unpack[ReadOptions]) -> Log:
     """Read a temperature log.
 
     Titles, header or none; comma, semicolon, tab or spaces; decimal comma or point; seconds or time stamps; °C, °F or
@@ -274,8 +266,7 @@ def read_log(
         options={"sample_time_s": asked.sample_time_s, "run": chosen_run, "skip_empty": asked.skip_empty,
                  "errata": asked.errata, "skip_rows": max(asked.skip_rows, sheet.above),
                  "temperature_scale": asked.temperature_scale, "decimal_comma": asked.decimal_comma,
-                 "tag": sheet.part or None, "power_log": asked.power_log, "power_on": asked.power_on},
-    )
+                 "tag": sheet.part or None, "power_log": asked.power_log, "power_on": asked.power_on})
     return _log(source, table, sheet, signals, tuple(repairs), tuple(doubts), taken)
 
 
@@ -331,9 +322,8 @@ def _demand_no_sides(sheet: Sheet, wanted: Mapping[str, str | int], unused: Sequ
                            value=str(wanted[role]), expected="a table with a column for each")
 
 
-def _readings(
-    sheet: Sheet, columns: Columns, edges: Mask, repairs: list[str], *, skip_empty: bool
-) -> tuple[Array, Mask, Mask]:
+def _readings(sheet: Sheet, columns: Columns, edges: Mask, repairs: list[str], *,
+              skip_empty: bool) -> tuple[Array, Mask, Mask]:
     """Return the column of the temperature, NaN without a reading, the rows for a power alone, and those for nothing.
 
     The last hold the reading before, and no other power.
@@ -362,10 +352,8 @@ def _readings(
     return raw, (edges & between) | powered, held & ~powered
 
 
-def _on_own_clocks(
-    signals: Mapping[str, LogSignal], edges: Mask, lost_s: Sequence[float], repairs: list[str], *, recorded: bool,
-    power_every_s: float
-) -> tuple[dict[str, LogSignal], npt.NDArray[np.intp]]:
+def _on_own_clocks(signals: Mapping[str, LogSignal], edges: Mask, lost_s: Sequence[float], repairs: list[str], *,
+                   recorded: bool, power_every_s: float) -> tuple[dict[str, LogSignal], npt.NDArray[np.intp]]:
     """Return the signals with their instants, and the row that each reading continues.
 
     Readings that were not written since nothing changed are put back. The power may have changed before the row that
@@ -450,9 +438,8 @@ def _csv(frame: DataFrame) -> bytes:
     return str(frame.to_csv(index=not counted, index_label=label)).encode()
 
 
-def _opened(
-    source: Path, table: BuiltIn | None, content: bytes | None, settings: ReadSettings
-) -> tuple[Sheet, list[str]]:
+def _opened(source: Path, table: BuiltIn | None, content: bytes | None,
+            settings: ReadSettings) -> tuple[Sheet, list[str]]:
     """Return the cells of a file with plain numbers, and the doubts about a built-in table."""
     sheet = with_names(read_sheet(table.path if table else source, content, settings.skip_rows, settings.tag,
                                   settings.decimal_comma, skip_empty=settings.skip_empty))
@@ -471,10 +458,8 @@ def _with_power_log(sheet: Sheet, settings: ReadSettings, content: bytes | None)
     return with_power_rows(sheet, _opened(Path(settings.power_log), None, content, ReadSettings())[0], settings)
 
 
-def _log(
-    source: str | Path, table: BuiltIn | None, sheet: Sheet, signals: Mapping[str, LogSignal], repairs: tuple[str, ...],
-    doubts: tuple[str, ...], taken: ReadSummary
-) -> Log:
+def _log(source: str | Path, table: BuiltIn | None, sheet: Sheet, signals: Mapping[str, LogSignal],
+         repairs: tuple[str, ...], doubts: tuple[str, ...], taken: ReadSummary) -> Log:
     shown = {role: signal for role, signal in signals.items() if role != "time"}
     if "power" in shown:
         net = shown["power"]
@@ -484,11 +469,10 @@ def _log(
     try:
         return Log(
             name=table.name if table else display_name(Path(source).stem),
-            source=table.source if table else display_name(str(source)),
-            repairs=repairs, warnings=doubts, same_heater=table.same_heater if table else (), taken=taken,
+            source=table.source if table else display_name(str(source)), repairs=repairs, warnings=doubts,
+            same_heater=table.same_heater if table else (), taken=taken,
             rests_at_degC=table.rests_at_degC if table else None,
-            output_limit_pct=table.output_limit_pct if table else None, pwm_period_s=sheet.pwm_period_s, signals=shown,
-        )
+            output_limit_pct=table.output_limit_pct if table else None, pwm_period_s=sheet.pwm_period_s, signals=shown)
     except OutOfRange as problem:
         raise LogError(str(problem), file=sheet.file) from problem
 
@@ -509,9 +493,8 @@ def _errata(table: BuiltIn, sheet: Sheet, apply: bool, doubts: list[str]) -> She
     return replace(sheet, repairs=tuple(repairs))
 
 
-def _temperature_unit(
-    sheet: Sheet, columns: Columns, settings: ReadSettings, values: Array, repairs: list[str], doubts: list[str]
-) -> LogSignal:
+def _temperature_unit(sheet: Sheet, columns: Columns, settings: ReadSettings, values: Array, repairs: list[str],
+                      doubts: list[str]) -> LogSignal:
     """Return how the temperature is written; its values are those of the file, shape (n,)."""
     name, named, given = columns.names["temperature"], columns.unit("temperature"), settings.temperature_unit
     unit, scaled = given or named, is_scaled("temperature", name) and settings.temperature_scale is None
@@ -528,7 +511,7 @@ def _temperature_unit(
     least, most = _POSSIBLE_DEGC
     if columns.is_foreign("temperature") or lowest >= _KELVIN or lowest < least or highest > most:
         raise LogError(f"readings from {lowest:g} up to {highest:g} whose unit is not known", file=sheet.file,
-                       column=name, expected=f"--temperature-unit {_by_room(first)}")
+                       column=name, expected=_by_room(first))
     if not scaled and _starts_at_room(values):
         repairs.append(f"The temperature has no unit in the file; taken as °C, because it starts at {first:g}, a room "
                        "temperature only in °C.")
@@ -542,9 +525,11 @@ def _temperature_unit(
 
 
 def _by_room(first: float) -> str:
-    """Return the units to choose from, the one first in which the first reading is a room's temperature."""
+    """Return the options to choose from, the one first with which the first reading is a room's temperature."""
     likely = next((unit for unit in _TO_DEGC if _ROOM_DEGC[0] <= _TO_DEGC[unit](first) <= _ROOM_DEGC[1]), "degC")
-    return ", ".join([likely, *(unit for unit in _TO_DEGC if unit != likely)][:-1]) + f" or {[*_TO_DEGC][-1]}"
+    units = ", ".join([likely, *(unit for unit in _TO_DEGC if unit != likely)][:-1]) + f" or {[*_TO_DEGC][-1]}"
+    ways = [f"--temperature-unit {units}", "--temperature-scale 0.001, or another factor of all readings"]
+    return "; or ".join(ways[::-1] if _ROOM_DEGC[0] <= 0.001 * first <= _ROOM_DEGC[1] else ways)
 
 
 def _starts_at_room(values: Array) -> bool:
@@ -574,9 +559,8 @@ def _in_degC(sheet: Sheet, columns: Columns, role: str, unit: str, raw: Array, m
     return values
 
 
-def _setpoint(
-    sheet: Sheet, columns: Columns, unit: str, scale: float, repairs: list[str], role: str = "setpoint"
-) -> tuple[LogSignal | None, int]:
+def _setpoint(sheet: Sheet, columns: Columns, unit: str, scale: float, repairs: list[str],
+              role: str = "setpoint") -> tuple[LogSignal | None, int]:
     """Return the setpoint, in the temperature's unit unless its name states another, and the number of filled cells.
 
     With the role "ambient", the same of the room's temperature.

@@ -6,6 +6,7 @@ Columns whose names say nothing, but whose cells do: they are asked for, not pas
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Callable, Mapping
 from typing import Final
 
@@ -25,10 +26,8 @@ from heatertune.log.quantities import (
 from heatertune.log.sheet import CellColumn, Sheet
 from heatertune.log.timestamps import stamp
 
-__all__ = [
-    "SIDE_ROLES", "add_side_columns", "demand_no_likely_power", "demand_own_temperature", "is_cooling", "is_fan",
-    "is_measured", "likely_power", "moving_heaters", "quoted", "scale_question",
-]
+__all__ = ["SIDE_ROLES", "add_side_columns", "demand_no_likely_power", "demand_own_temperature", "is_cooling",
+           "is_fan", "is_measured", "likely_power", "moving_heaters", "quoted", "scale_question"]
 
 
 _MOST_TEXT: Final = 0.1
@@ -86,8 +85,7 @@ def demand_no_likely_power(sheet: Sheet, index: Mapping[str, int]) -> None:
     """
     names = sheet.header or [""] * len(sheet.columns)
     likely = [i for i, name in enumerate(names) if i not in index.values() and role_of(name) in (None, "time")
-              and likely_power(name, sheet.columns[i], in_percent=bool(
-                  sheet.units and sheet.units[i] in ("%", "pct")))]
+              and likely_power(name, sheet.columns[i], in_percent=[*sheet.units[i:i + 1]] in (["%"], ["pct"]))]
     if likely:
         names = [quoted(names[i]) if names[i] else str(i + 1) for i in likely]
         cells = _written(sheet.columns[likely[0]])
@@ -143,7 +141,7 @@ def _written(cells: CellColumn) -> CellColumn:
 
 def quoted(text: str) -> str:
     """Return a name as a command line needs it."""
-    return text if re.fullmatch(r"[\w./:=+-]+", text) else f'"{text}"'
+    return text if re.fullmatch(r"[\w./:=+-]+", text) else shlex.quote(text) if '"' in text else f'"{text}"'
 
 
 SIDE_ROLES: Final = ("cooling", "disturbance", "ambient")
@@ -218,8 +216,7 @@ _KINDS: Final[Mapping[str, tuple[Callable[[str], bool], Callable[[Array], bool],
     "cooling": (is_cooling, lambda values: len(values) > 0 and bool(np.any(values > 0.0)), "the power of a cooler"),
     "disturbance": (is_fan, _moves, "a disturbance, whose effect is fitted"),
     "ambient": (lambda name: _ROOM.search(name.replace("_", " ")) is not None and role_of(name) in (
-        None, "temperature"), _is_room, "the room's temperature"),
-}
+        None, "temperature"), _is_room, "the room's temperature")}
 
 
 _NUMBERED: Final = re.compile(r"\d+")

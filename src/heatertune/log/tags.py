@@ -46,10 +46,8 @@ from heatertune.log.timestamps import has_zone, stamp
 from heatertune.settings import ReadSettings
 from heatertune.units import count
 
-__all__ = [
-    "HeldSeries", "TagSelection", "TagTable", "by_tags", "changes_twice", "hold_series", "places",
-    "with_power_rows",
-]
+__all__ = ["HeldSeries", "TagSelection", "TagTable", "by_tags", "changes_twice", "hold_series", "places",
+           "with_power_rows"]
 
 
 _FEW_LEVELS: Final = 5  # of a power that is switched between them: a mean would be neither
@@ -300,9 +298,8 @@ def _name(sheet: Sheet, i: int) -> str:
     return sheet.names()[i]
 
 
-def _one_tag(
-    sheet: Sheet, wanted: str, tag: int | None, good: npt.NDArray[np.bool_]
-) -> tuple[Sheet, npt.NDArray[np.bool_], dict[str, str]]:
+def _one_tag(sheet: Sheet, wanted: str, tag: int | None,
+             good: npt.NDArray[np.bool_]) -> tuple[Sheet, npt.NDArray[np.bool_], dict[str, str]]:
     """Return the rows of one tag of a wide table."""
     if tag is None:
         tag = next((i for i, column in enumerate(sheet.columns) if wanted in column.kinds()), None)
@@ -327,10 +324,8 @@ def _bad(sheet: Sheet, bad: npt.NDArray[np.bool_]) -> str:
     return f"{count(len(rows), 'row')} whose quality is not good left out ({lines}{more})."
 
 
-def _pivoted(
-    sheet: Sheet, selection: TagSelection, tag: int, value: int, good: npt.NDArray[np.bool_], time_unit: str | None,
-    options: Mapping[str, str],
-) -> TagTable:
+def _pivoted(sheet: Sheet, selection: TagSelection, tag: int, value: int, good: npt.NDArray[np.bool_],
+             time_unit: str | None, options: Mapping[str, str]) -> TagTable:
     """Return the long table with a row for each reading of the temperature."""
     of_tag, values = sheet.columns[tag], sheet.columns[value]
     tags = list(dict.fromkeys(of_tag))
@@ -342,8 +337,7 @@ def _pivoted(
     for role, places in series.items():
         _demand_order(sheet, role, roles[role], time[places], places)
     rows, edges = _with_edges(sheet, value, series, time)
-    others = {role: hold_series(time[rows], time[places], values.at_rows(places),
-                                is_power=role == "power")
+    others = {role: hold_series(time[rows], time[places], values.at_rows(places), is_power=role == "power")
               for role, places in series.items() if role != "temperature"}
     late = max((other.late for other in others.values()), default=0)
     if late == len(rows):
@@ -354,30 +348,25 @@ def _pivoted(
     repairs = [f"The table is long: of its column {_name(sheet, tag)!r}, {parts}, was read."]
     repairs += [_bad(sheet, bad)] if np.any(bad) else []
     units = {role: others[role].unit if role in others else "" for role in series}
+    absent = [role for role in _ROLES if role not in series]
     return TagTable(
         sheet=replace(
             sheet, comment=(), units=(), lines=sheet.lines[rows[late:]], power_lines=power_lines,
             header=(sheet.header[clock[0]], *(_with_unit(sheet, tag, roles[role], units[role]) for role in series)),
             columns=(sheet.columns[clock[0]].at_rows(rows[late:]), _blanked(values, rows[late:], edges),
                      *(other.cells.at_rows(slice(late, None)) for other in others.values())),
-            repairs=(*sheet.repairs, *repairs, *(note for other in others.values() for note in other.notes)),
-        ),
+            repairs=(*sheet.repairs, *repairs, *(note for other in others.values() for note in other.notes))),
         lost=int(np.count_nonzero(bad)) + late,
         unused=_unused(sheet, tags, roles, (tag, value, *clock), options.get("quality_column")),
-        options={
-            **options, "tag": roles["temperature"], "power_tag": roles.get("power", NO_COLUMN),
-            "setpoint_tag": roles.get("setpoint", NO_COLUMN), "tag_column": _name(sheet, tag),
-            "temperature_column": _name(sheet, value), "time_column": sheet.header[clock[0]],
-        },
-        wanted={role: n + 1 for n, role in enumerate(["time", *series])}
-        | {role: NO_COLUMN for role in _ROLES if role not in series},
-        lost_s=tuple(time[of_tag.where(roles["temperature"].__eq__) & ~good] - time[rows[late]]),
-    )
+        options={**options, "tag": roles["temperature"], "power_tag": roles.get("power", NO_COLUMN),
+                 "setpoint_tag": roles.get("setpoint", NO_COLUMN), "tag_column": _name(sheet, tag),
+                 "temperature_column": _name(sheet, value), "time_column": sheet.header[clock[0]]},
+        wanted={role: NO_COLUMN if role in absent else n + 1 for n, role in enumerate(["time", *series, *absent])},
+        lost_s=tuple(time[of_tag.where(roles["temperature"].__eq__) & ~good] - time[rows[late]]))
 
 
-def _with_edges(
-    sheet: Sheet, value: int, series: Mapping[str, npt.NDArray[np.intp]], time: Array
-) -> tuple[npt.NDArray[np.intp], frozenset[int]]:
+def _with_edges(sheet: Sheet, value: int, series: Mapping[str, npt.NDArray[np.intp]],
+                time: Array) -> tuple[npt.NDArray[np.intp], frozenset[int]]:
     """Return the rows of the temperature and those of the power's changes between them, and which the latter are.
 
     Where the temperature is not written on change, so that its value there has to be put on a line, they are not many;
@@ -413,9 +402,8 @@ def _stands(sheet: Sheet, value: int, rows: npt.NDArray[np.intp], time: Array) -
     return readings is not None and on_change(time[rows], readings) is not None
 
 
-def _unused(
-    sheet: Sheet, tags: Sequence[str], roles: Mapping[str, str], places: Sequence[int], flag: str | None
-) -> tuple[str, ...]:
+def _unused(sheet: Sheet, tags: Sequence[str], roles: Mapping[str, str], places: Sequence[int],
+            flag: str | None) -> tuple[str, ...]:
     """Return the tags and the columns that were not used; a column of units is."""
     columns = (name for i, name in enumerate(sheet.header) if i not in places and name != flag)
     return (*(name for name in tags if name not in roles.values()),
@@ -631,9 +619,8 @@ def _power_place(powers: Sheet, settings: ReadSettings) -> int:
     return candidates[0]
 
 
-def common_instants(
-    sheet: Sheet, own: Columns, powers: Sheet, columns: Columns, unit: str | None
-) -> tuple[Array, Array]:
+def common_instants(sheet: Sheet, own: Columns, powers: Sheet, columns: Columns,
+                    unit: str | None) -> tuple[Array, Array]:
     """Return the instants of two files from the first row of the first file, shapes (n,) and (m,) [s].
 
     Args:

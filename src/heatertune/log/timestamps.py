@@ -14,11 +14,9 @@ import numpy.typing as npt
 from heatertune.arrays import Array
 from heatertune.log.sheet import CellColumn
 
-__all__ = [
-    "LONGEST_STEP_S", "NO_ORDER", "STAMPS", "TIME_UNITS", "clocks_in_digits", "day_first", "durations_s", "has_zone",
-    "is_clock", "is_date", "is_date_in_digits", "is_day_or_month", "is_hours_or_minutes", "likely_time_unit",
-    "month_first", "order_of_dates", "past_hour", "past_midnight", "stamp", "within_hours",
-]
+__all__ = ["LONGEST_STEP_S", "NO_ORDER", "STAMPS", "TIME_UNITS", "clocks_in_digits", "day_first", "durations_s",
+           "has_zone", "is_clock", "is_date", "is_date_in_digits", "is_day_or_month", "is_hours_or_minutes",
+           "likely_time_unit", "month_first", "order_of_dates", "past_hour", "past_midnight", "stamp", "within_hours"]
 
 
 #: the formats of `stamp`, for messages
@@ -151,8 +149,7 @@ def _within_hour(cells: Sequence[str]) -> tuple[npt.NDArray[np.int64], npt.NDArr
 
 
 #: the least and the greatest character at each place of minutes and seconds, and how long its digit lasts [µs]
-_DIGITS_WITHIN: Final = np.array([
-    [*map(ord, "00:00.000000")], [*map(ord, "59:59.999999")],
+_DIGITS_WITHIN: Final = np.array([[*map(ord, "00:00.000000")], [*map(ord, "59:59.999999")],
     [600_000_000, 60_000_000, 0, 10_000_000, 1_000_000, 0, *(10**k for k in range(5, -1, -1))]])
 _AT_ONCE: Final = 4096
 _LONGEST: Final = 60  # characters
@@ -213,8 +210,7 @@ def _clock(text: str) -> str:
 
 
 _CLOCK_LENGTH = re.compile(r"(?:(-?\d+)(?: ?d(?:ays?)?,? ?|\.(?=\d\d:)))?(\d{1,5}):([0-5]?\d):([0-5]?\d(?:[.,]\d+)?)")
-_WORDED_LENGTH = re.compile(
-    r"(?:P?(?:(\d+) ?d(?:ays?)? ?,? ?T?|T))?(?:(\d+) ?h(?:ours?|rs?|)? ?,? ?)?"
+_WORDED_LENGTH = re.compile(r"(?:P?(?:(\d+) ?d(?:ays?)? ?,? ?T?|T))?(?:(\d+) ?h(?:ours?|rs?|)? ?,? ?)?"
     r"(?:(\d+) ?(?:m(?:in(?:ute)?s?)?|') ?,? ?)?(?:(\d+(?:[.,]\d+)?) ?(?:s(?:ec(?:ond)?s?)?|\"|''))?", re.IGNORECASE)
 
 

@@ -6,18 +6,23 @@ pages save them under the name of a workbook, and lines in which each value has 
 
 from __future__ import annotations
 
+import bz2
 import datetime as dt
 import gzip
 import io
+import lzma
 import math
 import re
+import zipfile
 import zlib
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any, Final
 from xml.etree import ElementTree
+
+import numpy as np
 
 from heatertune.errors import LogError
 from heatertune.log.formats.format_table import BinaryFormat, FormatTable, Line, TextFormat, line_stamp
@@ -28,27 +33,27 @@ from heatertune.writing import read_beyond
 
 __all__ = ["CONTAINERS", "WEB_TABLES", "decompress"]
 
-_GZIP: Final = b"\x1f\x8b"
 _MOST_UNPACKED: Final = 1 << 30
 _SHOWN: Final = 8
 _AT_ONCE: Final = 4096  # rows
 
 
 def decompress(path: Path, data: bytes, repairs: list[str]) -> bytes:
-    """Return the content of a .gz file; of a stream that was cut, what can be read.
+    """Return the content of a .gz, .bz2 or .xz file, or of the only one in a .zip; of a .gz that was cut, what is left.
 
     Raises:
-        LogError: nothing can be read, or more than a gigabyte.
+        LogError: nothing can be read, or more than a gigabyte, or several files are in a .zip.
     """
-    if not data.startswith(_GZIP):
+    opened = _only_file(path, data) if data.startswith(b"PK\x03\x04") else next(
+        (opened for magic, opened in _PACKED.items() if data.startswith(magic)), None)
+    if opened is None:
         return data
     try:
-        with gzip.open(io.BytesIO(data)) as stream:
-            content = read_beyond(stream, _MOST_UNPACKED)
-    except (EOFError, zlib.error, gzip.BadGzipFile) as problem:
+        content = read_beyond(opened(io.BytesIO(data)), _MOST_UNPACKED)
+    except (EOFError, OSError, RuntimeError, ValueError, zlib.error, lzma.LZMAError, zipfile.BadZipFile) as problem:
         rest = _rest(data)
         if not rest:
-            raise LogError("a compressed file that is damaged", file=path, expected="a whole .gz file") from problem
+            raise LogError("a compressed file that is damaged", file=path, expected="a whole one") from problem
         repairs.append("The compressed file is cut off; what it holds up to there was read.")
         return rest
     if len(content) > _MOST_UNPACKED:
@@ -56,8 +61,28 @@ def decompress(path: Path, data: bytes, repairs: list[str]) -> bytes:
     return content
 
 
+#: how a compressed file begins → what opens it
+_PACKED: Final[dict[bytes, Callable[[io.BytesIO], Any]]] = {
+    b"\x1f\x8b": gzip.open, b"BZh": bz2.open, b"\xfd7zXZ": lzma.open}
+
+
+def _only_file(path: Path, data: bytes) -> Callable[[io.BytesIO], Any] | None:
+    """Return what opens the only file in a .zip, None of a workbook and of a damaged one, which its reader refuses."""
+    try:
+        archive = zipfile.ZipFile(io.BytesIO(data))
+    except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError):
+        return None
+    names = [name for name in archive.namelist() if not name.endswith("/")]
+    if not {"[Content_Types].xml", "content.xml"}.isdisjoint(names):  # of .xlsx and .ods
+        return None
+    if len(names) != 1:
+        raise LogError(f"a .zip of {count(len(names), 'file')}", file=path,
+                       expected=f"one of them unpacked: {', '.join(names[:_SHOWN])}")
+    return lambda _: archive.open(names[0])
+
+
 def _rest(data: bytes) -> bytes:
-    """Return what can be unpacked of a stream that is cut off."""
+    """Return what can be unpacked of a .gz stream that is cut off."""
     unpacker = zlib.decompressobj(wbits=31)
     try:
         return unpacker.decompress(data, _MOST_UNPACKED)
@@ -127,7 +152,7 @@ def _arrow(path: Path, data: bytes, _: str | None) -> FormatTable:
 
 
 def _matlab(path: Path, data: bytes, tag: str | None) -> FormatTable:
-    """Return the vectors of one length of a .mat file as columns, or the columns of its matrix or of a structure."""
+    """Return the vectors of one length of a .mat file as columns, or those of its matrix, see `_of_variables`."""
     from scipy.io import loadmat, matlab
 
     try:
@@ -136,7 +161,22 @@ def _matlab(path: Path, data: bytes, tag: str | None) -> FormatTable:
             ArithmeticError, MemoryError) as problem:
         wanted = "a whole one, saved with -v7, or text"
         raise LogError("an unknown or damaged .mat file", file=path, expected=wanted) from problem
-    variables = {name: value for name, value in stored.items() if name[:2] != "__"}
+    return _of_variables(path, "MATLAB", ((name, value) for name, value in stored.items() if name[:2] != "__"), tag)
+
+
+def _numpy(path: Path, data: bytes, tag: str | None) -> FormatTable:
+    """Return the columns of an array that numpy saved, by their names if it has any."""
+    try:
+        stored = np.load(io.BytesIO(data), allow_pickle=False)
+        variables = [(name, stored[name]) for name in stored.dtype.names or ()] or [("array", stored)]
+    except (ValueError, OSError, EOFError, TypeError) as problem:
+        raise LogError("damaged, or of Python's objects", file=path, expected="arrays of numbers") from problem
+    return _of_variables(path, "NumPy", variables, tag)
+
+
+def _of_variables(path: Path, kind: str, stored: Iterable[tuple[str, Any]], tag: str | None) -> FormatTable:
+    """Return the vectors of one length as columns, or the columns of the longest matrix or of a structure."""
+    variables = dict(stored)
     for name, value in list(variables.items()):
         if getattr(value, "dtype", None) is not None and value.dtype.names and value.shape == ():
             variables |= {f"{name}.{field}": value[field].item() for field in value.dtype.names}
@@ -149,10 +189,10 @@ def _matlab(path: Path, data: bytes, tag: str | None) -> FormatTable:
     if longest and (tag == longest or max(matrices[longest].shape) > length):
         matrix = matrices[longest]
         matrix = matrix if len(matrix) >= matrix.shape[1] else matrix.T
-        return _of_columns(path, "MATLAB", (), [*map(_cells_of, matrix.T.tolist())])._replace(
+        return _of_columns(path, kind, (), [*map(_cells_of, matrix.T.tolist())])._replace(
             part=str(tag) if tag == longest else "")
     chosen = {name: _cells_of(value.tolist()) for name, value in vectors.items() if len(value) == length}
-    return _of_columns(path, "MATLAB", tuple(chosen), list(chosen.values()))
+    return _of_columns(path, kind, tuple(chosen), list(chosen.values()))
 
 
 def _texts_of(column: Any) -> CellColumn:
@@ -184,9 +224,9 @@ def _of_columns(path: Path, kind: str, names: Sequence[str], columns: Sequence[C
 
 CONTAINERS: Final = (
     BinaryFormat("workbook", (b"PK\x03\x04", b"\xd0\xcf\x11\xe0"), _workbook),
+    BinaryFormat("NumPy", (b"\x93NUMPY",), _numpy),
     BinaryFormat("Parquet or Feather", (b"PAR1", b"ARROW1", b"FEA1"), _arrow),
-    BinaryFormat("MATLAB", (b"MATLAB 5.0", b"MATLAB 7.3", b"\x89HDF"), _matlab),
-)
+    BinaryFormat("MATLAB", (b"MATLAB 5.0", b"MATLAB 7.3", b"\x89HDF"), _matlab))
 
 
 class _Cells(HTMLParser):
@@ -354,5 +394,4 @@ WEB_TABLES: Final = (
     TextFormat("table of a web page", lambda lines: any("<tr" in line.lower() for _, line in lines[:_SAMPLE]), _html),
     TextFormat("lines of names and values", _has_names, _named),
     TextFormat("serial monitor", _is_monitor, _monitor),
-    TextFormat("records of a value in each line", lambda lines: "time" in map(role_of, _own_names(lines)), _records),
-)
+    TextFormat("records of a value in each line", lambda lines: "time" in map(role_of, _own_names(lines)), _records))

@@ -11,7 +11,7 @@ from array import array
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -110,8 +110,7 @@ PLANT_EXPORTS: Final = (
                _within(lines[:1], _HEADLESS), _labview),
     TextFormat("data set of Ignition", lambda lines: _within(lines[:5], '"?#NAMES"?'), _ignition),
     TextFormat("trace of CODESYS", lambda lines: len(lines) > 3 and lines[0][1].strip() == "CoDeSys Trace", _codesys),
-    TextFormat("table with a time for each variable", _has_pairs, _paired),
-)
+    TextFormat("table with a time for each variable", _has_pairs, _paired))
 
 
 _Record = Mapping[str, object]
@@ -252,15 +251,40 @@ def _artisan_profile(path: Path, numbered: Sequence[Line], _: str | None) -> For
                        [f"Profile of Artisan: {count(len(rows), 'reading')} of {count(len(whole), 'curve')}."])
 
 
-def _json(path: Path, numbered: Sequence[Line], _: str | None) -> FormatTable:
-    """Return the records of JSON as a table: one in each line, or the longest list of records in the whole text."""
-    flat, lines, lost = _json_records(numbered)
-    names = _field_names(flat)
+def _json_lines(path: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
+    """Return the records of which each stands in a line of its own."""
+    records, lines, has_time = list[dict[str, str]](), list[int](), False
+    for number, line in numbered:
+        if (record := _record_in(line)) is not None:
+            has_time |= not records and "time" in map(role_of, record)
+            records.append({**({} if has_time else _stamp_before(line)), **dict(_flat(record))})
+            lines.append(number)
+    lost = len(numbered) - len(records)
+    return _of_records(path, records, lines, f", {count(lost, 'line')} that are none left out" if lost else "")
+
+
+def _json(path: Path, numbered: Sequence[Line], tag: str | None) -> FormatTable:
+    """Return the longest list of records in a whole text of JSON as a table."""
+    try:
+        lists = dict(_lists(json.loads("\n".join(line for _, line in numbered))))
+    except (ValueError, RecursionError):
+        lists = {}
+    records = list(map(dict, map(_flat, _longest(path, lists, tag) if lists else ())))
+    return _of_records(path, records, range(1, len(records) + 1))._replace(part=str(tag) if tag in lists else "")
+
+
+def _pandas(path: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
+    """Return a table that pandas wrote as JSON, in whichever orientation."""
+    records = list(map(dict, map(_flat, _indexed(json.loads("\n".join(line for _, line in numbered))))))
+    return _of_records(path, records, range(1, len(records) + 1))
+
+
+def _of_records(path: Path, flat: list[dict[str, str]], lines: Sequence[int], left: str = "") -> FormatTable:
+    """Return a column for each field of some records."""
+    names, notes = _field_names(flat), [f"JSON: {count(len(flat), 'record')} read{left}."]
     if not names:
         raise LogError("JSON without records", file=path,
                        expected="an object with time and temperature in each line, or a list of such")
-    left = f", {count(lost, 'line')} that are none left out" if lost else ""
-    notes = [f"JSON: {count(len(flat), 'record')} read{left}."]
     if all("pidstats.out" in record and "runtime" in record for record in flat):
         names = _KILN_FIELDS
         notes.append("Its pidstats are kiln-controller's; the power is their out.")
@@ -285,39 +309,87 @@ def _field_names(records: Sequence[Mapping[str, str]]) -> dict[str, str]:
     return {name: short for name, short in names.items() if role_of(short) is not None or _varies(records, name)}
 
 
-#: 09:58:00.123 MQT: tele/oven/SENSOR = {"Time": …}
-_TOPIC: Final = re.compile(r"^[^{\"]*[/\w] ?[=:] ?(?=\{\")")
+#: 09:58:00.123 MQT: tele/oven/SENSOR = {"Time": …}, 1773482280.5 plant/oven {"temp": …}
+_TOPIC: Final = re.compile(r"^[^{\"']*[\w/:\]] ?[=: ] ?(?=\{[\"'])")
+_EPOCH: Final = re.compile(r"\d{10}(?:\.\d+)?(?= )")
 
 
-def _json_records(numbered: Sequence[Line]) -> tuple[list[dict[str, str]], list[int], int]:
-    """Return name → cell of the records, the line of each, and how many lines hold none."""
-    records: list[dict[str, str]] = []
-    lines, decode = list[int](), json.JSONDecoder().raw_decode
-    for number, line in numbered:
-        try:
-            record, end = decode(text := _TOPIC.sub("", line.strip(" \t,[]")))
-        except (ValueError, RecursionError):
-            continue
-        if isinstance(record, dict) and not text[end:].strip(" \t"):
-            records.append(dict(_flat(record)))
-            lines.append(number)
-    if len(records) > len(numbered) / 2 and len(records) > 1:
-        return records, lines, len(numbered) - len(records)
+def _record_in(line: str) -> _Record | None:
+    """Return the record that a line holds, as JSON or as Python prints it."""
+    text = _TOPIC.sub("", line.strip(" \t,[]"))
+    text = text if '"' in text else _PYTHON.sub(lambda word: _AS_JSON[word[0]], text.replace("'", '"'))
     try:
-        lists = list(_lists(json.loads("\n".join(line for _, line in numbered))))
+        record, end = _DECODE(text)
     except (ValueError, RecursionError):
-        return [], [], 0
-    longest = max(lists, key=len, default=[])
-    return list(map(dict, map(_flat, longest))), list(range(1, len(longest) + 1)), 0
+        return None
+    return record if isinstance(record, dict) and not text[end:].strip(" \t") else None
 
 
-def _lists(value: object) -> Iterator[list[_Record]]:
-    """Yield each list of records within a value."""
+_DECODE: Final = json.JSONDecoder().raw_decode
+_AS_JSON: Final = {"None": "null", "nan": "null", "True": "true", "False": "false"}
+_PYTHON: Final = re.compile(rf"\b({'|'.join(_AS_JSON)})\b")
+
+
+def _stamp_before(line: str) -> dict[str, str]:
+    """Return the time in front of a record."""
+    before = line[:line.index("{")]
+    stamp = _EPOCH.match(before)
+    return {"time": line_stamp(before) if stamp is None else stamp[0]} if before.strip(" \t,[") else {}
+
+
+def _indexed(value: object) -> list[_Record]:
+    """Return the records of what pandas writes: objects of one shape by an index, columns by one, or both split."""
+    table = _of_orientation(value) if isinstance(value, dict) else {}
+    first = next(iter(table.values()), {})
+    is_counted = "time" in map(role_of, first) or list(table) == [*map(str, range(len(table)))]
+    return [part if is_counted else {"time": key, **part} for key, part in table.items()]
+
+
+def _of_orientation(value: Any) -> Mapping[str, _Record]:
+    """Return index → record, empty if the objects are not of one shape."""
+    if value.keys() >= _SPLIT:
+        return {str(key): dict(zip(value["columns"], row, strict=False))
+                for key, row in zip(value["index"], value["data"], strict=False)}
+    parts = [part for part in value.values() if isinstance(part, dict)]
+    if len(parts) < max(len(value), _TITLES) or any(part.keys() != parts[0].keys() for part in parts):
+        return {}
+    return value if len(parts) > len(parts[0]) else {
+        key: {name: part[key] for name, part in value.items()} for key in parts[0]}
+
+
+_SPLIT: Final = {"columns", "index", "data"}
+
+
+def _longest(path: Path, lists: Mapping[str, list[_Record]], tag: str | None) -> list[_Record]:
+    """Return the longest list of records, or that of the tag; of Home Assistant one for all entities.
+
+    It names the entity and its unit in the first record only.
+    """
+    longest = max(lists.values(), key=len)
+    alike = {name: each for name, each in lists.items() if each[0].keys() == longest[0].keys()}
+    if _OF_ENTITY[0] in longest[0]:
+        return [record for each in alike.values() for record in _with_entity(each)]
+    if len(alike) > 1 and tag not in lists and "temperature" in map(role_of, longest[0]):
+        raise LogError(f"{len(alike)} lists of the same fields", file=path, value=", ".join(alike),
+                       expected=f"--tag and one of {', '.join(alike)}")
+    return lists.get(str(tag), longest)
+
+
+_OF_ENTITY: Final = ("entity_id", "attributes")
+
+
+def _with_entity(records: Sequence[_Record]) -> list[_Record]:
+    of_all = {name: records[0][name] for name in _OF_ENTITY if name in records[0]}
+    return [{**of_all, **record} for record in records]
+
+
+def _lists(value: object, name: str = "") -> Iterator[tuple[str, list[_Record]]]:
+    """Yield each list of records within a value, by the names on the way to it."""
     if isinstance(value, list) and value and all(isinstance(part, dict) for part in value):
-        yield value
+        yield name.strip("."), value
     elif isinstance(value, list | dict):
-        for part in value.values() if isinstance(value, dict) else value:
-            yield from _lists(part)
+        for key, part in value.items() if isinstance(value, dict) else enumerate(value, start=1):
+            yield from _lists(part, f"{name}.{key}")
 
 
 def _flat(record: _Record, prefix: str = "") -> Iterator[tuple[str, str]]:
@@ -363,8 +435,27 @@ def _has_lists(lines: Sequence[Line]) -> bool:
 
 def _starts_as_json(lines: Sequence[Line]) -> bool:
     first = _TOPIC.sub("", lines[0][1]) if lines else ""
-    return re.match(r"\s*(\[\s*$|\[?\s*\{)", first) is not None and any(
-        re.search(r"\"\s*:", line) for _, line in lines[:50])
+    return re.match(r"[\s\[]*(\{|$)", first) is not None and any(
+        re.search(r"[\"']\s*:", line) for _, line in lines[:50])
+
+
+def _are_records(lines: Sequence[Line]) -> bool:
+    return sum(_record_in(line) is not None for _, line in lines[:_SAMPLE]) > max(1, len(lines[:_SAMPLE]) // 2)
+
+
+_SAMPLE: Final = 200
+#: {"columns": [… and {"0": {"temp": 20.4, …
+_OF_PANDAS: Final = re.compile(
+    r'\s*\{\s*"(?:(?:columns|index|data)"\s*:\s*\[|[^"]*"\s*:\s*\{\s*"[^"]*"\s*:\s*[^\s{\[])')
+
+
+def _is_indexed(lines: Sequence[Line]) -> bool:
+    if not lines or _OF_PANDAS.match("\n".join(line[:_HEAD] for _, line in lines[:5])) is None:
+        return False
+    try:
+        return bool(_indexed(json.loads("\n".join(line for _, line in lines))))
+    except (ValueError, RecursionError, TypeError):
+        return False
 
 
 def _is_artisan(lines: Sequence[Line]) -> bool:
@@ -432,6 +523,7 @@ DEVICE_LOGS: Final = (
     TextFormat("line protocol of InfluxDB", matching(re.compile(rf"^{_POINT.pattern}$")), _line_protocol),
     TextFormat("CSV of Artisan", _is_artisan, _artisan_csv),
     TextFormat("profile of Artisan", _is_profile, _artisan_profile),
+    TextFormat("JSON of pandas", _is_indexed, _pandas),
     TextFormat("JSON of columns", _has_lists, _json_columns),
-    TextFormat("JSON", _starts_as_json, _json),
-)
+    TextFormat("JSON in lines", lambda lines: _starts_as_json(lines) and _are_records(lines), _json_lines),
+    TextFormat("JSON", _starts_as_json, _json))

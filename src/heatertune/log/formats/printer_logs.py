@@ -50,9 +50,9 @@ def _klippy(path: Path, numbered: Sequence[Line], tag: str | None) -> FormatTabl
     moved = {name: max(by_degC for by_degC, *_ in parts) for name, parts in sessions.items()}
     wanted, why = _heater_to_read(path, moved, tag)
     parts = sessions[wanted]
-    repairs = [f"klippy.log: {count(len(lines[wanted]), 'line')} Stats of {wanted!r} read{why}, "
-               f"{len(numbered) - len(lines[wanted])} others passed over; "
-               "power is what was sent last before each of them."]
+    kept = len(lines[wanted])
+    repairs = [f"klippy.log: {count(kept, 'line')} Stats of {wanted!r} read{why}, {len(numbered) - kept} others passed "
+               "over; power is what was sent last before each of them."]
     others = [name + (f", which moved by {moved[name]:.0f} °C" if moved[name] > _MOVED_DEGC else "")
               for name in heaters if name != wanted]
     if others:
@@ -207,10 +207,9 @@ def _serial(path: Path, numbered: Sequence[Line], tag: str | None) -> FormatTabl
     names = ", ".join(name for name in heaters if name != wanted)
     others = f"; other heaters: {names} (--tag)" if names else ""
     header = ("time", "name", "temperature [degC]", f"power [0...{full}]", "setpoint [degC]")
-    return FormatTable(
-        header[begin:], _rows(cells, begin), lines[wanted],
-        [f"Reports of a printer: {count(len(lines[wanted]), 'line')} of {wanted!r} read, "
-         f"its power as 0 to {full}{others}."])
+    number = count(len(lines[wanted]), "line")
+    return FormatTable(header[begin:], _rows(cells, begin), lines[wanted], [
+        f"Reports of a printer: {number} of {wanted!r} read, its power as 0 to {full}{others}."])
 
 
 def _first_line(pattern: re.Pattern[str], lines: Sequence[Line]) -> bool:
@@ -221,5 +220,4 @@ PRINTER_LOGS: Final = (
     TextFormat("klippy.log", matching(_STATS_WITH_HEATER), _klippy),
     TextFormat("heattest.txt", lambda lines: _first_line(_PWM, lines), _klipper_test),
     TextFormat("heattest.csv", lambda lines: _first_line(_KALICO, lines), _kalico_test),
-    TextFormat("serial log of a printer", matching(_REPORT), _serial),
-)
+    TextFormat("serial log of a printer", matching(_REPORT), _serial))
