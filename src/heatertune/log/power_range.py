@@ -236,7 +236,7 @@ def _evidence(name: str, values: Array, full_scale: float) -> str:
     if full_scale == 1.0:
         return "of a switch"
     controlled = len(np.unique(values)) > _MOST_STEPS or np.count_nonzero(np.diff(values)) > 2 * _MOST_STEPS
-    reached = controlled and float(values.min()) == 0.0 and float(values.max()) == full_scale
+    reached = controlled and (float(values.min()), float(values.max())) == (0.0, full_scale)
     contradicted = full_scale not in _COUNTS and (_PWM.search(name) or is_scaled("power", name))
     return "both reached" if reached and not contradicted else ""
 

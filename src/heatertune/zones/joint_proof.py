@@ -410,9 +410,8 @@ def _beyond_log(fitted: FittedNetwork, specification: ZoneSpecification) -> Iter
 class _Prover:
     """The runs of one design and their criteria."""
 
-    def __init__(
-        self, design: JointDesign, fitted: FittedNetwork, specification: ZoneSpecification, loop: ZoneLoop
-    ) -> None:
+    def __init__(self, design: JointDesign, fitted: FittedNetwork, specification: ZoneSpecification,
+                 loop: ZoneLoop) -> None:
         self.design, self.fitted, self.specification, self.loop = design, fitted, specification, loop
         self.zones, self.count = fitted.network.zones, len(fitted.network.zones)
         self.setpoints = np.array(specification.setpoints_degC)
@@ -517,9 +516,8 @@ class _Prover:
         room += [(100.0 - RESERVE_PCT - base[i]) / slope[i] for i in range(self.count) if slope[i] > 0.0]
         return float(min(room))
 
-    def _in_use(
-        self, network: ThermalNetwork, switches: Mapping[str, str], zones: Sequence[int], *, whole: bool = False
-    ) -> tuple[JointTrace, list[JointCriterion]]:
+    def _in_use(self, network: ThermalNetwork, switches: Mapping[str, str], zones: Sequence[int], *,
+                whole: bool = False) -> tuple[JointTrace, list[JointCriterion]]:
         """Run the sequence of use: heat-up, then for some zones what may happen to each."""
         heat_s, wait = self._heat_up_s(network), self.settle_s
         self.heat_s = max(self.heat_s, heat_s)
@@ -552,10 +550,8 @@ class _Prover:
         self.peak.count(trace, held, self.loop.period_s, math.ceil(float(duties.sum()) / 100.0 - 1e-9))
         return trace, self._judged(trace, network, phases, self._residual_error_degC(switches))
 
-    def _faults(
-        self, network: ThermalNetwork, zone: int, now: float, events: list[ZoneEvent], phases: list[_Phase], *,
-        whole: bool,
-    ) -> float:
+    def _faults(self, network: ThermalNetwork, zone: int, now: float, events: list[ZoneEvent],
+                phases: list[_Phase], *, whole: bool) -> float:
         """Add the open circuit of a zone, and in the whole sequence the zone off and stuck; return the end [s]."""
         wait = self.settle_s
         cools = _COOLS * max(network.time_constants_s)  # a zone that is off, and then disturbs its neighbours no more
@@ -572,9 +568,8 @@ class _Prover:
             now += lasts + again
         return now
 
-    def _in_turn(
-        self, network: ThermalNetwork, switches: Mapping[str, str], order: Sequence[int]
-    ) -> tuple[JointTrace, list[JointCriterion]]:
+    def _in_turn(self, network: ThermalNetwork, switches: Mapping[str, str],
+                 order: Sequence[int]) -> tuple[JointTrace, list[JointCriterion]]:
         """Start the zones one after the other, each when the one before has had time to settle."""
         each_s = self._heat_up_s(network)
         events: list[ZoneEvent] = []
@@ -601,9 +596,8 @@ class _Prover:
         power = network.demanded_pct(heat)[chosen]
         return bool(np.all(power <= 100.0 - RESERVE_PCT) and np.all(power >= _IDLE_PCT))
 
-    def _judged(
-        self, trace: JointTrace, network: ThermalNetwork, phases: Sequence[_Phase], residual_error_degC: Array
-    ) -> list[JointCriterion]:
+    def _judged(self, trace: JointTrace, network: ThermalNetwork, phases: Sequence[_Phase],
+                residual_error_degC: Array) -> list[JointCriterion]:
         found = [JointCriterion(name="overflows", value=float(trace.overflows), limit=0.0, where="all zones")]
         for phase in phases:
             inside = (trace.time_s >= phase.start_s) & (trace.time_s < phase.end_s)

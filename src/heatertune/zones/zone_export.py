@@ -13,10 +13,14 @@ from typing import Final
 
 from heatertune.errors import ExportRefused, InputError
 from heatertune.plc import Certificate, controller_for
-from heatertune.plc.st.zone_programs import source_of_zones
+from heatertune.plc.st.program_text import comment
 from heatertune.zones.joint_proof import JointProof
 
 __all__ = ["demand_pass", "export_zones", "text_of_zone"]
+
+#: where the function block and the program of one heater begin in structured text
+_ST_BLOCK: Final = "\nFUNCTION_BLOCK "
+_ST_PROGRAM: Final = "\nPROGRAM Heater"
 
 _BETWEEN: Final = 10  # numbers of blocks from one zone to the next
 _MOST: Final = 8  # zones whose heaters are the bits of one byte of outputs
@@ -188,10 +192,26 @@ def _s7_moved(text: str, number: int) -> str:
     return re.sub(r"\bPIW 256\b", f"PIW {256 + 2 * number}", re.sub(r"\bQ 4\.0\b", f"Q 4.{number}", text))
 
 
+def _st_source(sources: Sequence[tuple[str, str]]) -> str:
+    """Return one source of the programs of all zones, Heater1, Heater2 and so on, each behind the remarks on its zone.
+
+    Args:
+        sources: of each zone its name and the text of its program, all with the same function block.
+    """
+    blocks, programs = "", list[str]()
+    for number, (zone, text) in enumerate(sources, start=1):
+        head, _, rest = text.partition(_ST_BLOCK)
+        block, _, program = rest.partition(_ST_PROGRAM)
+        blocks = f"{_ST_BLOCK.lstrip()}{block}\n"
+        title = comment(f"zone {number} of {len(sources)}: {zone}; run Heater{number} from the same task as the others")
+        programs.append(f"{title}{head}{_ST_PROGRAM}{number}{program}")
+    return blocks + "\n".join(programs)
+
+
 def _st(zones: Sequence[str], parts: Sequence[Mapping[str, str | bytes]], _proof: JointProof) -> dict[str, str | bytes]:
     """Return one source of structured text; a PLCopen project is that of one program."""
     sources = [(zone, str(part["iec_pid.st"])) for zone, part in zip(zones, parts, strict=True)]
-    return {"iec_pid_zones.st": source_of_zones(sources)}
+    return {"iec_pid_zones.st": _st_source(sources)}
 
 
 _PROGRAMS: Final[dict[str, Callable[..., dict[str, str | bytes]]]] = {"s5-ob251": _s5, "s7-300": _s7, "iec-pid": _st}

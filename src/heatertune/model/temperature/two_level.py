@@ -241,14 +241,12 @@ def fit_two_level(log: Log, *, ambient_degC: tuple[float, float] | None, thermos
     Raises:
         InputError: the log does not reach the stated thresholds.
     """
+    guess = switching_guess(log, is_stated=thermostat is not None)
     if thermostat is not None:
         _demand_thresholds(log, thermostat)
-    is_stated = thermostat is not None
-    guess = switching_guess(log, is_stated=is_stated)
-    if thermostat is not None:
-        crossed = thermostat.crossings(log)
-        guess = guess if 0 < len(guess.instants) <= len(crossed.instants) + 1 else crossed
-    if len(guess.instants) < (1 if is_stated else _FEWEST) or not (is_stated or _is_even(log, guess.rows, guess.is_on)):
+        # where the log ends before the last turn shows, the readings tell
+        guess = guess if len(guess.instants) else thermostat.crossings(log)
+    elif len(guess.instants) < _FEWEST or not _is_even(log, guess.rows, guess.is_on):
         return None
     return _fit(log, guess.instants, guess.is_on, ambient_degC, thermostat=thermostat,
                 levels=(0.0, largest_power_pct or 100.0))
