@@ -58,7 +58,7 @@ def test_a_design_that_fails_takes_the_programs_of_one_that_passed_away(tmp_path
     capsys.readouterr()
 
 
-@pytest.mark.parametrize("text", [None, "", "[]", "{}", '{"files": 3}', '{"files": ["../other", 5, "a/b", "zone1_a/../b", "zone1_a/b/c", "/zone1_a/b", ""]}', "\x00", "[" * 100_000])
+@pytest.mark.parametrize("text", [None, "", "[]", "{}", '{"files": 3}', '{"files": ["../other", 5, "a/b", "zone1_a/../b", "zone1_a/b/c", "/zone1_a/b", "", "..", "zone1_a/..", "zone1_a/."]}', "\x00", "[" * 100_000])
 def test_a_document_that_tells_no_names_takes_nothing_away(tmp_path, text):
     path = tmp_path / Path(ZONES_FILE).name
     if text is not None:

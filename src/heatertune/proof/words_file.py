@@ -45,7 +45,7 @@ __all__ = [
 ]
 
 WORDS_SCHEMA: Final = "heatertune/words/2"
-_OF_ZONE: Final = re.compile(r"zone\d+_[\w-]+/[\w.-]+")  # a file in the folder of a zone
+_OF_ZONE: Final = re.compile(r"zone\d+_[\w-]+/\w[\w.-]*")  # a file in the folder of a zone
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -229,7 +229,7 @@ def exported_names(path: Path) -> list[str]:
     """
     with suppress(OSError, ValueError, KeyError, TypeError, RecursionError):
         names = json.loads(path.read_text(encoding="utf-8"))["files"]
-        return [name for name in names if isinstance(name, str) and name and (
+        return [name for name in names if isinstance(name, str) and name not in ("", "..") and (
             Path(name).name == name or _OF_ZONE.fullmatch(name))]
     return []
 
