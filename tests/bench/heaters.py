@@ -480,6 +480,40 @@ def _truncated(plan):
     plan.clip = plan.interval * max(3, round(0.08 * plan.length / plan.interval)) + shown
 
 
+def _heat_up(plan, *later, rested=True, **changes):
+    """Full power until some temperature, then none for a while: what is logged of a kiln or an oven."""
+    rng, heater = plan.rng, plan.heater
+    lag = heater.lags[0]
+    _change_heater(plan, lags=(lag, *(lag * share for share in later)), dead=lag * float(rng.uniform(0.0, 0.05)), **changes)
+    plan.interval = _nice(lag / _drawn(rng, 60.0, 300.0))
+    rest = plan.interval * int(rng.integers(5, 40)) * rested
+    on = plan.interval * round(plan.total * float(rng.uniform(0.4, 1.2)) / plan.interval)
+    fall = plan.total * float(rng.uniform(0.1, 1.2))
+    plan.length = rest + on + fall
+    plan.power = lambda t: plan.cap if rest <= t + 1e-9 < rest + on else 0.0
+    if not rested:
+        plan.start = heater.ambient
+
+
+def _two_lag_heat_up(plan):
+    _heat_up(plan, float(plan.rng.uniform(0.1, 1.0)))
+
+
+def _three_lag_heat_up(plan):
+    _heat_up(plan, *plan.rng.uniform(0.1, 1.0, 2))
+
+
+def _cropped_heat_up(plan):
+    _heat_up(plan, float(plan.rng.uniform(0.1, 1.0)), rested=False)
+
+
+def _glowing_heat_up(plan):
+    gain = _drawn(plan.rng, 3.0, 12.0)
+    plan.cap = min(100.0, 900.0 / gain)
+    _slow_enough(plan, gain)
+    _heat_up(plan, float(plan.rng.uniform(0.1, 0.8)), gain=gain, radiation=float(plan.rng.uniform(0.2, 0.9)))
+
+
 def _below_a_sample(plan):
     lag = plan.heater.lags[0]
     plan.interval = _nice(lag / _drawn(plan.rng, 3.0, 15.0))
@@ -671,6 +705,10 @@ KINDS = {
     "door": Kind(_door, "out"),
     "ambient of a day": Kind(_day, "out"),
     "aliased power": Kind(_aliased, "out"),
+    "heat-up of two lags": Kind(_two_lag_heat_up, "hard"),
+    "heat-up of three lags": Kind(_three_lag_heat_up, "out"),
+    "heat-up that begins with its log": Kind(_cropped_heat_up, "hard"),
+    "heat-up that glows": Kind(_glowing_heat_up, "out"),
     "power a row late": Kind(_power_late, "blind"),
     "saturation, one level": Kind(_saturation_unseen, "blind"),
     "cooler": Kind(_cooler, "out"),

@@ -26,7 +26,7 @@ __all__ = [
     "LJUNG_BOX_95", "PERIOD", "RATIO", "SWITCHED_OFF", "Interval", "ar1_bic", "ar1_weighted", "autocorrelation",
     "block_resamples", "disturbance_s", "envelope", "fit_pct", "holds", "hull", "identified_interval",
     "identified_parts", "interruption_note", "interval", "ljung_box", "long_run_noise", "percentile_interval",
-    "replace_outliers", "sensor_step", "student_t", "undisturbed_part", "without_outliers",
+    "replace_outliers", "rescale", "sensor_step", "student_t", "undisturbed_part", "without_outliers",
 ]
 
 
@@ -179,6 +179,12 @@ def hull(first: Interval, second: Interval) -> Interval:
     """Return the narrowest interval that holds both; an end that is open in one stays open."""
     low = None if first.low is None or second.low is None else min(first.low, second.low)
     high = None if first.high is None or second.high is None else max(first.high, second.high)
+    return Interval(low=low, high=high)
+
+
+def rescale(interval: Interval, factor: float, shift: float = 0.0) -> Interval:
+    """Return the interval times a positive factor, with both ends shifted; an open end stays open."""
+    low, high = (None if end is None else factor * end + shift for end in (interval.low, interval.high))
     return Interval(low=low, high=high)
 
 

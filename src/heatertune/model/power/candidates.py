@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from operator import attrgetter
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
@@ -246,6 +247,7 @@ class _Order(NamedTuple):
 def family_of(
     explanation: Explanation, candidates: Sequence[Candidate], ci95: Mapping[str, Interval | None],
     halves: tuple[Half, Half] | None, least_dead_time_s: float, wider: Mapping[str, float], seed: int,
+    two_lags: Mapping[str, Interval] | None = None,
 ) -> tuple[tuple[Candidate, ...], tuple[Finding, ...]]:
     """Return all plausible heaters, and the open ends that no heater can represent.
 
@@ -257,8 +259,14 @@ def family_of(
         least_dead_time_s: shortest plausible dead time.
         wider: factors by which the halves widen the intervals, see `parts.widening`; used for two lags too.
         seed: of the bootstrap of two lags.
+        two_lags: their intervals, where they leave no room for one lag, which is then left out with its halves.
     """
-    orders = list(_orders_plausible_heaters(explanation, candidates, ci95, wider, seed))
+    if two_lags is None:
+        orders = list(_orders_plausible_heaters(explanation, candidates, ci95, wider, seed))
+    else:
+        near = (each for each in candidates if each.delta_bic < _PLAUSIBLE_HEATERS_NEAR)
+        candidates = sorted(near, key=attrgetter("delta_bic"))
+        orders, halves = [_Order(1, candidates[0], two_lags)], None
     ends: list[Candidate] = []
     for order in orders:
         values, held = parameters_with_ends(explanation.problems[order.place], explanation.fits[order.place])

@@ -308,6 +308,27 @@ def _settled(problem: PowerProblem, start: Array) -> CleanedFit:
     return clean
 
 
+def _explained_by_two_lags(single: CleanedFit) -> CleanedFit:
+    """Return one lag with the readings given back that two lags explain, where two are the better model.
+
+    One lag turns at once where the power goes; the readings around a rounder turn are then far from it alone.
+    """
+    two = replace(single.problem, two_lags=True)
+    fit = _second(two, single.fit)
+    if fit.model is None or bic_of(two, fit) > bic_of(single.problem, single.fit) - _SURE:
+        return single
+    readings, whole = single.whole.readings, replace(single.whole, two_lags=True)
+    simulated = np.asarray(fit.linear @ whole.basis(fit.vector))
+    begun = np.searchsorted(readings.time_s, readings.restart_s)
+    _, odd = without_outliers(readings.temperature_degC, simulated, begun)
+    odd = np.intersect1d(odd, single.outliers)
+    if len(odd) == len(single.outliers):
+        return single
+    readings_degC = readings.temperature_degC.copy()
+    readings_degC[odd] = single.readings_degC[odd]
+    return _fitted(single.whole, readings_degC, odd)
+
+
 def _fitted(problem: PowerProblem, readings_degC: Array, outliers: Places) -> CleanedFit:
     thin = replace(problem, readings=replace(problem.readings, temperature_degC=readings_degC)).average(_READINGS)
     return CleanedFit(problem, readings_degC, outliers, thin, thin.fit())
@@ -408,6 +429,8 @@ def _search(log: Log, problem: PowerProblem, *, believed: bool) -> Explanation:
     """Return one lag and two, without the outliers, the start, the drift and the loads the log asks for."""
     given = problem
     log, clean, notes = clean_log(log, problem)
+    if len(clean.outliers):
+        clean = _explained_by_two_lags(clean)
     thin, fit = clean.problem, clean.fit
     alias = "" if believed else alias_of(log, thin, fit)
     doubt = "" if believed else _demand_cause(log, thin, fit, alias)

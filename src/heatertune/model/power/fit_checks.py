@@ -25,7 +25,7 @@ from heatertune.units import NOMENCLATURE
 
 __all__ = [
     "check_fit", "correlation_of", "fit_of_half", "half_of", "halves", "held_out", "judgement_remarks",
-    "plain_halves", "predicts", "sides", "unseen",
+    "passes", "plain_halves", "predicts", "sides", "unseen",
 ]
 
 
@@ -176,6 +176,12 @@ def check_fit(problem: PowerProblem, fit: PowerFit) -> Validation:
     )
 
 
+def passes(validation: Validation) -> bool:
+    """Return whether the residuals do not follow the power, and the halves agree."""
+    follows, halves = validation.input_correlation, validation.halves
+    return (follows is None or follows.ok) and (halves is None or not disagreeing_parameters(halves))
+
+
 def predicts(problem: PowerProblem, fit: PowerFit) -> bool:
     """Return whether a model fits omitted windows about as well as the readings used in its fit."""
     seen = fit_pct(problem.readings.temperature_degC, fit.simulated_degC)
@@ -203,20 +209,23 @@ def _thinned(problem: PowerProblem, fit: PowerFit) -> tuple[PowerProblem, PowerF
 
 
 def judgement_remarks(
-    log: Log, validation: Validation, fit: float, second: InputCorrelation | None, *, two_lags_predict: bool = False
+    log: Log, validation: Validation, fit: float, second: InputCorrelation | None, *, two_lags_predict: bool = False,
+    lags: int = 1,
 ) -> Iterator[Remark]:
     """Yield the findings of the checks; empty if all are passed.
 
     Args:
         log: for its name and its loop.
-        validation: of one lag.
-        fit: of one lag on the readings used in the fit [%].
-        second: residual correlation of two lags, None without a second lag.
+        validation: of the working model.
+        fit: of it on the readings used in the fit [%].
+        second: residual correlation of two lags, None where the working model has them or there is no second lag.
         two_lags_predict: whether two lags are a candidate and predict the omitted windows.
+        lags: of the working model.
     """
     if validation.input_correlation is not None and not validation.input_correlation.ok:
         kept = second is not None and second.ok
-        yield Remark("" if kept else "follows-power", _correlation_note(log, validation.input_correlation, second))
+        note = _correlation_note(log, validation.input_correlation, second, lags)
+        yield Remark("" if kept else "follows-power", note)
     held = validation.held_out
     if held.fit_pct < fit - DROP_PCT:
         worst = max(range(len(held.rmses_degC)), key=lambda i: held.rmses_degC[i])
@@ -242,10 +251,11 @@ def _pair(first: float, second: float) -> str:
     return f"{first:.3g} and then {second:.3g}"
 
 
-def _correlation_note(log: Log, correlation: InputCorrelation, second: InputCorrelation | None) -> str:
+def _correlation_note(log: Log, correlation: InputCorrelation, second: InputCorrelation | None, lags: int) -> str:
+    leave, more = (("one lag leaves", "second"), ("two lags leave", "third"))[lags - 1]
     sentence = (
-        f"What one lag leaves over still follows the power, most after {correlation.at_lag_s:.3g} s (correlation "
-        f"{correlation.largest:+.2f}, by chance up to {correlation.limit:.2f}): a second lag or a longer dead time is "
+        f"What {leave} over still follows the power, most after {correlation.at_lag_s:.3g} s (correlation "
+        f"{correlation.largest:+.2f}, by chance up to {correlation.limit:.2f}): a {more} lag or a longer dead time is "
         "missing"
     )
     if second is not None:

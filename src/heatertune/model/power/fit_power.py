@@ -50,6 +50,7 @@ from heatertune.model.power.fit_checks import (
     fit_of_half,
     half_of,
     judgement_remarks,
+    passes,
     plain_halves,
     predicts,
     sides,
@@ -69,7 +70,16 @@ from heatertune.model.power.uncertainty import (
     value_of,
 )
 from heatertune.model.reduction import ultimate_period_s
-from heatertune.model.statistics import PERIOD, RATIO, Interval, autocorrelation, fit_pct, identified_parts, sensor_step
+from heatertune.model.statistics import (
+    PERIOD,
+    RATIO,
+    Interval,
+    autocorrelation,
+    fit_pct,
+    identified_parts,
+    rescale,
+    sensor_step,
+)
 from heatertune.units import NOMENCLATURE
 
 __all__ = [
@@ -544,44 +554,92 @@ def fit_power(explanation: Explanation, weight: WeighedFit, *, least_dead_time_s
     candidates = candidates_of(
         log, explanation.problems, explanation.fits, left_out=validation.held_out, open_lag=lag.high is None,
         rivals=rivals, bend=explanation.bend)
-    family, open_ = family_of(explanation, candidates, as_read, validation.halves, least_dead_time_s, wider or {}, seed)
     ratio, _ = ci95.pop(RATIO), ci95.pop(PERIOD)
     assert ratio is not None
-    resolved = all(identified_parts(ci95[name]) for name in ("gain_degC_per_pct", "time_constant_s"))
-    simulated = explanation.simulated_degC
+    best_is_two = any(len(each.model.lags_s) > 1 and each.delta_bic == 0.0 for each in candidates)
+    shown = _Shown(0, explanation.model, ci95, validation, (
+        *widening_notes(wider or {}), *halves_notes(read_otherwise, as_read), *(rival.sentence for rival in rivals)),
+        ratio=ratio)
+    if not shown.is_resolved and best_is_two and candidates[0].delta_bic > _NEAR:
+        shown = _by_two_lags(explanation, shown, wider or {}, seed)
+    family, open_ = family_of(explanation, candidates, as_read, validation.halves, least_dead_time_s, wider or {}, seed,
+                              two_lags=shown.alone)
+    problem, best = explanation.problems[shown.place], explanation.fits[shown.place]
+    simulated = explanation.at_readings(problem, best)
     fit = fit_pct(explanation.clean_temperature, simulated)
     seen = second_is_seen(two)
-    second = correlation_of(explanation.problems[1], two) if seen else None
+    second = correlation_of(explanation.problems[1], two) if seen and not shown.place else None
     two_predict = (seen and validation.held_out.fit_pct < fit - DROP_PCT
-                   and any(len(each.model.lags_s) > 1 and each.delta_bic == 0.0 for each in candidates)
-                   and predicts(explanation.problems[1], two))
-    outcome = outcome_of(max([fit, *(candidate.fit_pct for candidate in candidates)]), resolved=resolved)
+                   and best_is_two and predicts(explanation.problems[1], two))
+    outcome = outcome_of(max([fit, *(candidate.fit_pct for candidate in candidates)]), resolved=shown.is_resolved)
     least_s = math.exp(explanation.problems[0].low[0])
     checks = [*bend_remarks(explanation.bend),
               *share_remarks(log.name, explanation.problems, explanation.fits, explanation.doubt),
-              *judgement_remarks(log, validation, fit, second, two_lags_predict=two_predict),
-              *alias_remarks(explanation.alias), *fast_remarks(least_s, explanation.model.time_constant_s, log.name),
+              *judgement_remarks(
+                  log, shown.validation, fit, second, two_lags_predict=two_predict, lags=1 + shown.place),
+              *alias_remarks(explanation.alias), *fast_remarks(least_s, shown.model.time_constant_s, log.name),
               *level_remarks(log)]
     return FittedModel(
-        model=explanation.model,
+        model=shown.model,
         outcome=outcome,
         method="exact simulation with the logged power, "
-        f"{'begun at rest' if explanation.problems[0].at_rest else 'free initial state'}; "
+        f"{'begun at rest' if problem.at_rest else 'free initial state'}; "
         "intervals: profile likelihood or block bootstrap, whichever reaches further",
-        ci95=ci95,
-        combinations={} if resolved else {RATIO: (values_of(explanation.model)[RATIO], ratio)},
+        ci95=shown.ci95,
+        combinations={} if shown.is_resolved else {RATIO: (values_of(shown.model)[RATIO], shown.ratio)},
         candidates=family,
         fit_pct=fit,
-        notes=(*explanation.notes, *notes_of(log, explanation.problems[0], one, ci95, candidates, explanation.outliers),
-               *widening_notes(wider or {}), *halves_notes(read_otherwise, as_read),
-               *(rival.sentence for rival in rivals), *(remark.sentence for remark in checks)),
+        notes=(*explanation.notes, *notes_of(log, problem, best, shown.ci95, candidates, explanation.outliers),
+               *shown.notes, *(remark.sentence for remark in checks)),
         findings=(*findings_of([*poor_remarks(outcome, fit, log.name), *checks]), *open_),
         residuals=Residuals(
             time_s=log.time_s, measured_degC=log.temperature_degC, simulated_degC=simulated,
             autocorrelation=autocorrelation(explanation.clean_temperature - simulated),
         ),
-        validation=validation,
+        validation=shown.validation,
     )
+
+
+class _Shown(NamedTuple):
+    """The working model: its place in problems and fits, its values, intervals and checks, and notes on these.
+
+    `ratio`: interval of gain per time constant; `alone`: those of two lags, where one lag is no heater of this log.
+    """
+
+    place: int
+    model: Fopdt
+    ci95: dict[str, Interval | None]
+    validation: Validation
+    notes: tuple[str, ...]
+    ratio: Interval
+    alone: Mapping[str, Interval] | None = None
+
+    @property
+    def is_resolved(self) -> bool:
+        return all(identified_parts(self.ci95[name]) for name in ("gain_degC_per_pct", "time_constant_s"))
+
+
+def _by_two_lags(explanation: Explanation, single: _Shown, wider: Mapping[str, float], seed: int) -> _Shown:
+    """Return two lags by the half rule, if they predict what they were not fitted to; else one lag.
+
+    Of a heat-up, one lag that is far from the readings can have a gain several times that of the heater.
+    """
+    problem, fit = explanation.problems[1], explanation.fits[1]
+    assert fit.model is not None
+    validation = check_fit(problem, fit)
+    if validation.held_out.fit_pct < fit_pct(problem.readings.temperature_degC, fit.simulated_degC) - DROP_PCT:
+        return single
+    own = interval_widening(problem, fit)
+    ci95 = intervals_by(problem, fit, [{name: max(own[name], wider.get(name, 1.0)) for name in own}], seed=seed)[0]
+    half = fit.model.half_rule()
+    longer, later_s = half.time_constant_s / fit.model.lags_s[0], half.dead_time_s - fit.model.dead_time_s
+    shown = _Shown(1, half, {
+        "gain_degC_per_pct": ci95["gain_degC_per_pct"], "time_constant_s": rescale(ci95["time_constant_s"], longer),
+        "dead_time_s": rescale(ci95["dead_time_s"], 1.0, later_s), "ambient_degC": ci95.get("ambient_degC"),
+    }, validation, (
+        "One lag does not identify this heater, and two lags explain the log better: the values are those of two lags "
+        "as one by the half rule.", *widening_notes(own)), ratio=rescale(ci95[RATIO], 1.0 / longer))
+    return shown._replace(alone=ci95) if shown.is_resolved and passes(validation) else shown
 
 
 def fit_extended(logs: Sequence[Explanation], extended: Sequence[LossFit | TwoScaleFit]) -> FittedModel:
