@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from operator import attrgetter
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
@@ -259,13 +258,13 @@ def family_of(
         least_dead_time_s: shortest plausible dead time.
         wider: factors by which the halves widen the intervals, see `parts.widening`; used for two lags too.
         seed: of the bootstrap of two lags.
-        two_lags: their intervals, where they leave no room for one lag, which is then left out with its halves.
+        two_lags: their intervals, where they take the place of one lag, which is left out with its ends and halves.
     """
     if two_lags is None:
         orders = list(_orders_plausible_heaters(explanation, candidates, ci95, wider, seed))
     else:
-        near = (each for each in candidates if each.delta_bic < _PLAUSIBLE_HEATERS_NEAR)
-        candidates = sorted(near, key=attrgetter("delta_bic"))
+        candidates = [each for each in candidates if each.delta_bic < _PLAUSIBLE_HEATERS_NEAR]
+        candidates.sort(key=lambda near: near.model != explanation.fits[1].model)
         orders, halves = [_Order(1, candidates[0], two_lags)], None
     ends: list[Candidate] = []
     for order in orders:

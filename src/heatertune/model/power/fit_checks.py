@@ -25,7 +25,7 @@ from heatertune.units import NOMENCLATURE
 
 __all__ = [
     "check_fit", "correlation_of", "fit_of_half", "half_of", "halves", "held_out", "judgement_remarks",
-    "passes", "plain_halves", "predicts", "sides", "unseen",
+    "plain_halves", "predicts", "sides", "unseen",
 ]
 
 
@@ -174,12 +174,6 @@ def check_fit(problem: PowerProblem, fit: PowerFit) -> Validation:
         held_out=unseen(problem, fit),
         halves=halves(problem, fit),
     )
-
-
-def passes(validation: Validation) -> bool:
-    """Return whether the residuals do not follow the power, and the halves agree."""
-    follows, halves = validation.input_correlation, validation.halves
-    return (follows is None or follows.ok) and (halves is None or not disagreeing_parameters(halves))
 
 
 def predicts(problem: PowerProblem, fit: PowerFit) -> bool:

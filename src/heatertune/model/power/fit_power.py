@@ -50,7 +50,6 @@ from heatertune.model.power.fit_checks import (
     fit_of_half,
     half_of,
     judgement_remarks,
-    passes,
     plain_halves,
     predicts,
     sides,
@@ -560,7 +559,7 @@ def fit_power(explanation: Explanation, weight: WeighedFit, *, least_dead_time_s
     shown = _Shown(0, explanation.model, ci95, validation, (
         *widening_notes(wider or {}), *halves_notes(read_otherwise, as_read), *(rival.sentence for rival in rivals)),
         ratio=ratio)
-    if not shown.is_resolved and best_is_two and candidates[0].delta_bic > _NEAR:
+    if not shown.is_resolved and candidates[0].delta_bic > _NEAR and any(c.model == two.model for c in candidates):
         shown = _by_two_lags(explanation, shown, wider or {}, seed)
     family, open_ = family_of(explanation, candidates, as_read, validation.halves, least_dead_time_s, wider or {}, seed,
                               two_lags=shown.alone)
@@ -603,7 +602,7 @@ def fit_power(explanation: Explanation, weight: WeighedFit, *, least_dead_time_s
 class _Shown(NamedTuple):
     """The working model: its place in problems and fits, its values, intervals and checks, and notes on these.
 
-    `ratio`: interval of gain per time constant; `alone`: those of two lags, where one lag is no heater of this log.
+    `ratio`: interval of gain per time constant; `alone`: those of two lags as fitted, where they take one lag's place.
     """
 
     place: int
@@ -633,13 +632,13 @@ def _by_two_lags(explanation: Explanation, single: _Shown, wider: Mapping[str, f
     ci95 = intervals_by(problem, fit, [{name: max(own[name], wider.get(name, 1.0)) for name in own}], seed=seed)[0]
     half = fit.model.half_rule()
     longer, later_s = half.time_constant_s / fit.model.lags_s[0], half.dead_time_s - fit.model.dead_time_s
-    shown = _Shown(1, half, {
+    return _Shown(1, half, {
         "gain_degC_per_pct": ci95["gain_degC_per_pct"], "time_constant_s": rescale(ci95["time_constant_s"], longer),
         "dead_time_s": rescale(ci95["dead_time_s"], 1.0, later_s), "ambient_degC": ci95.get("ambient_degC"),
     }, validation, (
         "One lag does not identify this heater, and two lags explain the log better: the values are those of two lags "
-        "as one by the half rule.", *widening_notes(own)), ratio=rescale(ci95[RATIO], 1.0 / longer))
-    return shown._replace(alone=ci95) if shown.is_resolved and passes(validation) else shown
+        "as one by the half rule.", *widening_notes(own)), ratio=rescale(ci95[RATIO], 1.0 / longer),
+        alone=ci95)
 
 
 def fit_extended(logs: Sequence[Explanation], extended: Sequence[LossFit | TwoScaleFit]) -> FittedModel:
