@@ -19,7 +19,7 @@ from heatertune.zones.joint_proof import SPREAD_NAME, specification_for
 from heatertune.zones.run_figures import zone_spread
 from heatertune.zones.zone_record import design_files
 from heatertune.zones.zones_folder import prove_again, read_zones_design, to_document
-from tests.bench.zone_judge import live, ramp_of, settling, spread
+from tests.bench.zone_judge import judge, live, ramp_of, settling, spread
 from tests.zones.networks import chain
 
 #: a slow zone between two faster ones, one of them with much power
@@ -80,6 +80,8 @@ def test_a_judge_that_shares_nothing_measures_the_same_spread(together, limit):
         [proof.trace.temperatures_degC] * 2, (proof.trace.highest_degC, proof.trace.lowest_degC)))
     assert found == pytest.approx(at_scans, abs=0.1)
     assert at_scans <= between <= proof.spread.value  # the proof counts the ripple between scans, and other heaters
+    strict = replace(proof, specification=replace(proof.specification, spread_degC=0.5))
+    assert "apart while heating up" in judge(FITTED.network, strict, settle_s=lasts_s)
 
 
 @pytest.mark.parametrize("target", ["s7-300", pytest.param("s5-ob251", marks=pytest.mark.sample)])
