@@ -1,11 +1,12 @@
 """Drawn thermal networks, designed as zones and judged by a simulation that shares nothing with heatertune.
 
-    python -m tests.bench.networks [COUNT] [SEED] [sag | weak-sag | ignored-sag]
+    python -m tests.bench.networks [COUNT] [SEED] [sag | weak-sag | ignored-sag | together]
 
 Each network is logged with noise, fitted, tuned and proven. What passes runs on the true network with its words, PWM,
 loads and noisy readings, see `zone_judge`, under the first and under drawn settings of the open points. A PASS that the
 judge breaks is false. With sag, two or three heaters take power from each other on one supply: 10 to 35 %, or up to 15 %
 (weak-sag). With ignored-sag, the true network is designed as if its supply did not sag: the judge has to break some PASS.
+With together, the spread of the zones while they heat up is limited to 3 to 15 °C, and the judge measures it.
 """
 
 import sys
@@ -17,8 +18,10 @@ from typing import NamedTuple
 import numpy as np
 
 from heatertune.plc import Scaling, controller_for
+from heatertune.settings import Conditions
 from heatertune.zones import design_zones, fit_network, network_by_hand
 from heatertune.zones.identify import ZoneLog
+from heatertune.zones.joint_proof import specification_for
 from tests.bench.second_opinion import SWITCHES
 from tests.bench.zone_judge import judge, settling
 from tests.zones.networks import balance, drawn, logged, radius, steps
@@ -35,6 +38,7 @@ class Case(NamedTuple):
     couplings: int
     seconds: float
     summary: str
+    ramp: str = ""
 
 
 #: shares of the power of all others that a heater takes, smallest and largest, by kind of bench
@@ -51,8 +55,8 @@ def on_one_supply(network, random, least=0.1, most=0.35):
 def drawn_log(seed, most_zones=8, kind=""):
     """Return a drawn network, its log, and what draws further; `kind`: see the head of this file."""
     random = np.random.default_rng(seed)
-    network = drawn(random, int(random.integers(2, (3 if kind else most_zones) + 1)))
-    network = on_one_supply(network, random, *SHARES[kind]) if kind else network
+    network = drawn(random, int(random.integers(2, (3 if kind in SHARES else most_zones) + 1)))
+    network = on_one_supply(network, random, *SHARES[kind]) if kind in SHARES else network
     shares = np.array(network.supply_shares or (0.0,) * len(network.zones))
     count = len(network.zones)
     length = int(12 * max(network.time_constants_s)) + 1500 * count
@@ -75,9 +79,12 @@ def case(seed, most_zones=8, *, kind=""):
     states, inputs, constant = balance(network)
     held_pct = random.uniform(*((75.0, 85.0) if kind == "ignored-sag" else (22.0, 40.0)), len(network.zones))  # that sags, it needs more
     setpoints = np.linalg.solve(states, -(inputs @ held_pct + constant)).round(1)
-    proof = design_zones(fitted, TARGETS[seed % 2], list(setpoints), scaling=Scaling(low_degC=0.0, high_degC=400.0 if kind == "ignored-sag" else 200.0))
+    spec = specification_for(fitted, list(setpoints), Conditions())
+    spec = replace(spec, spread_degC=round(random.uniform(3.0, 15.0), 1)) if kind == "together" else spec
+    proof = design_zones(fitted, TARGETS[seed % 2], specification=spec, scaling=Scaling(low_degC=0.0, high_degC=400.0 if kind == "ignored-sag" else 200.0))
     complaint = complaint_of(network, proof, random) if proof.verdict == "PASS" else ""
-    return Case(proof.verdict, complaint, inside, len(intervals), time.process_time() - begun, proof.summary())
+    return Case(proof.verdict, complaint, inside, len(intervals), time.process_time() - begun, proof.summary(),
+                f"{proof.words[0].ramp or ''}")
 
 
 def complaint_of(network, proof, random):
@@ -103,7 +110,7 @@ def run(count=200, first=0, kind=""):
         verdicts[found.verdict] += 1
         false += bool(found.complaint)
         inside, couplings = inside + found.inside, couplings + found.couplings
-        why = "" if found.verdict == "PASS" else " | ".join(found.summary.splitlines()[1:3])
+        why = found.ramp if found.verdict == "PASS" else " | ".join(found.summary.splitlines()[1:3])
         print(f"{seed}: {found.verdict}{f', FALSE: {found.complaint}' if found.complaint else ''} {found.seconds:.1f} s {why}", flush=True)
     print(f"{dict(verdicts)}; {false} false PASS; {inside} of {couplings} couplings inside their 95 % intervals")
 

@@ -27,6 +27,14 @@ def test_no_pass_of_a_drawn_network_is_false(seed):
     assert found.verdict == "PASS", found.summary  # at least 90 % of 200 drawn by hand do
 
 
+@pytest.mark.long(seconds=25)
+def test_no_pass_of_a_drawn_network_whose_zones_start_together_is_false():
+    found = case(8003, kind="together")
+    assert not found.complaint, found.summary
+    assert found.verdict == "PASS", found.summary
+    assert found.ramp  # all power alone sets them further apart than 3 to 15 °C
+
+
 @pytest.mark.long(seconds=10)
 def test_the_judge_breaks_a_design_that_ignores_the_sag_of_the_supply_and_the_proof_refuses_it_where_it_is_known():
     # each setpoint needs 80 % of a heater; with both fully on, each gets 100 · (1 − 0.25) = 75 %

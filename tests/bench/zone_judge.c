@@ -21,7 +21,8 @@ typedef struct {
     Turn turns[4096];
     int first, count;
     double sent, level;                    /* what the switch does, and what has reached the heater */
-    double asked_pct, carried;
+    double asked_pct, carried, word;
+    int calls;
     Memory m;
 } Zone;
 
@@ -99,7 +100,13 @@ int zone_judge(const Network *w, const Case *cases, const double *start, double 
                 const Case *c = &cases[i];
                 double asked = w->asked[s * n + i], seen = t[i] + w->noise[s * n + i];
                 temperatures[s * n + i] = highest[s * n + i] = t[i];
-                zones[i].asked_pct = controlled(c, &zones[i].m, reading_of(c, asked), reading_of(c, seen));
+                if (c->ramp == 0.0) zones[i].word = reading_of(c, asked);
+                else {
+                    if (zones[i].calls == 0) zones[i].word = reading_of(c, seen);
+                    zones[i].calls++;
+                    zones[i].word = led(c, zones[i].word, reading_of(c, asked), reading_of(c, seen), zones[i].calls % c->ramp_calls == 0);
+                }
+                zones[i].asked_pct = controlled(c, &zones[i].m, zones[i].word, reading_of(c, seen));
                 powers[s * n + i] = zones[i].asked_pct;
             }
         if (k % w->period == 0)

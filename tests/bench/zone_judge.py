@@ -70,6 +70,9 @@ def judge(network, proof, *, settle_s, noise_degC=0.03, seed=0, settings=None):
     low, high = proof.words[0].scaling.sensor_degC
     count = (high - low) / TARGETS[proof.words[0].target][1]
     ambient, _ = at_rest(network)
+    if proof.specification.spread_degC is not None and (
+            apart := spread(temperatures[:phases[0].end], asked[0])) > SLACK * proof.specification.spread_degC + count:
+        return f"zones {apart:.2f} °C apart while heating up"
     for phase in phases:
         part = slice(phase.first, phase.end)
         complaint = broken(phase, temperatures[part] - asked[part], highest[part] - asked[part], proof.specification,
@@ -77,6 +80,25 @@ def judge(network, proof, *, settle_s, noise_degC=0.03, seed=0, settings=None):
         if complaint:
             return complaint
     return ""
+
+
+def spread(temperatures, setpoints):
+    """Return by how much a zone is at most warmer than another one, beyond what their setpoints are apart [°C]."""
+    most = 0.0
+    for i, one in enumerate(setpoints):
+        for j, other in enumerate(setpoints):
+            most = max(most, (temperatures[:, i] - temperatures[:, j]).max() - max(one - other, 0.0))
+    return most
+
+
+def ramp_of(words):
+    """Return step, calls and °C per second of a setpoint ramp; a step of 0 where there is none."""
+    if words.ramp is None:
+        return 0.0, 1, 0.0
+    low, high = words.scaling.sensor_degC
+    step = float(words.ramp.step)
+    # REAL setpoints of these targets are counts as well
+    return step, words.ramp.calls, step * (high - low) / TARGETS[words.target][1] / words.ramp.calls / words.sample_time_s
 
 
 def live(network, proof, *, settle_s, noise_degC, seed, settings):
@@ -98,7 +120,7 @@ def live(network, proof, *, settle_s, noise_degC, seed, settings):
         words=(ctypes.c_double * 16)(*(float(each.values[name]) for name in WORDS[each.target])),
         low=each.scaling.sensor_degC[0], span=each.scaling.sensor_degC[1] - each.scaling.sensor_degC[0], counts=counts,
         resolution=actuator.resolution_s, least_on=actuator.minimum_on_s, least_off=actuator.minimum_off_s,
-        carries=actuator.minimum_rule == "carry") for each in words))
+        carries=actuator.minimum_rule == "carry", ramp=ramp_of(each)[0], ramp_calls=ramp_of(each)[1]) for each in words))
     noise = np.random.default_rng(seed).normal(0.0, noise_degC, asked.shape) if noise_degC else np.zeros(asked.shape)
     arrays = {"move": move, "drive": drive, "constant": still, "dead": np.array(network.dead_times_s) + delay,
               "asked": asked, "load": load, "noise": noise}
@@ -182,5 +204,7 @@ def settling(network, proof, radius):
     """Return how long a part of the day lasts, by the largest eigenvalue of the loop [s]."""
     designs = proof.design.designs
     size = min(max(radius, 0.5), 1.0 - 1e-4)
-    return (12.0 * max(each.integral_time_s for each in designs) - 8.0 * designs[0].sample_time_s / math.log(size)
+    *_, rate = ramp_of(proof.words[0])
+    rise = max(proof.specification.setpoints_degC) - min(network.ambients_degC)
+    return ((rise / rate if rate else 0.0) + 12.0 * max(each.integral_time_s for each in designs) - 8.0 * designs[0].sample_time_s / math.log(size)
             + 2.0 * max(network.time_constants_s))

@@ -26,8 +26,9 @@ from heatertune.live.serve import Simulation
 from heatertune.live.write.plc_block import LinkSettings, Peer
 from heatertune.live.write.proven_words import Declared
 from heatertune.live.write.writer import WriteOutcome
+from heatertune.plc.ramp import Ramp
 from heatertune.proof.proof_document import with_digest
-from heatertune.zones import design_zones, network_by_hand, read_zones
+from heatertune.zones import design_zones, network_by_hand, prove_zones, read_zones
 from heatertune.zones.zones_folder import prove_again, read_zones_design, to_document
 
 NETWORK = chain(2, 1.0)
@@ -112,6 +113,26 @@ def test_the_zones_that_are_served_move_as_the_coupled_heat_balance_says(serve):
         arriving = held[k - late] if k >= late else np.zeros(2)
         degC = exact[:2, :2] @ degC + exact[:2, 2:] @ (inputs @ arriving + constant)
     assert np.abs(np.array(predicted) - temperatures).max() < 0.25  # the PWM's ripple, and a tick of 0.4 s of the dead time
+
+
+@pytest.mark.long(seconds=20)
+def test_zones_on_a_ramp_are_served_on_it(tmp_path):
+    fitted = network_by_hand(NETWORK)
+    proof = design_zones(fitted, "s7-300", SETPOINTS)
+    ramped = prove_zones(proof.design.with_ramp(Ramp(step=70, calls=2)), fitted, proof.specification, up_to_failure=True)
+    place = stored(tmp_path / "ramped", to_document(ramped))
+    with virtual_zones(place, Simulation(serve=("s7",), step=True, rate=1.0), noise_degC=0.0) as served:
+        asked = []
+        for _ in range(130):
+            served.release(1)
+            asked.append([struct.unpack_from(">h", cells, SP)[0] for cells in blocks(served)])
+        begun = struct.unpack_from(">h", blocks(served)[0], PV)[0]
+    rows = np.array(asked)
+    ambient = 22 * 27648 // 100  # the first reading; then 70 counts every second call, up to the setpoint
+    for zone, setpoint in enumerate(SETPOINTS):
+        wanted = [min(ambient + 70 * ((k + 1) // 2), int(setpoint * 276.48)) for k in range(130)]
+        assert rows[:, zone].tolist() == wanted
+    assert begun > ambient
 
 
 @pytest.mark.parametrize("protocol", ["s7", "modbus"])

@@ -12,8 +12,10 @@ from heatertune.plc.cpu.iec.machine import TextProgram
 from heatertune.plc.cpu.iec.st_syntax import units
 from heatertune.plc.cpu.s5.machine import S5Cpu
 from heatertune.plc.cpu.s7_300.machine import S7300Cpu
+from heatertune.plc.ramp import Ramp
 from heatertune.plc.s5_ob251.step import COLD, Ob251Assumptions, step
 from heatertune.plc.s5_ob251.words import parameters_of
+from heatertune.plc.single_precision import single
 from heatertune.settings import Conditions
 from heatertune.zones import design_zones, network_by_hand, prove_zones
 from heatertune.zones.joint_loop import ZoneEvent, ZoneLoop, run_zones
@@ -40,14 +42,20 @@ def is_on(trace, zone, instant):
     return any(begin <= instant + 1e-6 < end - 1e-6 for each, begin, end in trace.pulses if each == zone)
 
 
-@pytest.mark.parametrize("staggered", [False, True])
+def ramped(proof, ramp, **changed):
+    """Return the proof up to its first failure with another ramp; what it proves does not matter to a program."""
+    spec = replace(proof.specification, **changed)
+    return prove_zones(proof.design.with_ramp(ramp), proof.fitted, spec, up_to_failure=True)
+
+
+@pytest.mark.parametrize(("staggered", "ramp"), [(False, None), (True, None), (True, Ramp(step=60, calls=2))])
 @pytest.mark.long
-def test_the_program_of_step_7_makes_the_run_of_the_proof_tick_by_tick(proofs, staggered):
+def test_the_program_of_step_7_makes_the_run_of_the_proof_tick_by_tick(proofs, staggered, ramp):
     proof = proofs["s7-300"]
     if staggered:
-        proof = prove_zones(proof.design, proof.fitted, replace(proof.specification, staggered=True))
+        proof = ramped(proof, ramp, staggered=True)
         assert any(proof.offsets_s)
-    text = str(export_zones(proof)["s7_300_zones.awl"])
+    text = str(export_zones(proof, force=True)["s7_300_zones.awl"])
     cpu = S7300Cpu(text, {})
     tick = proof.actuator.resolution_s
     cpu.memory["L OB 35"][10:12] = round(1000 * tick).to_bytes(2, "big")
@@ -70,10 +78,11 @@ def test_the_program_of_step_7_makes_the_run_of_the_proof_tick_by_tick(proofs, s
             assert bool(heats) == is_on(trace, zone, k * tick), (k * tick, zone)
 
 
+@pytest.mark.parametrize("ramp", [None, Ramp(step=4, calls=2)])
 @pytest.mark.long
-def test_the_listing_of_step_5_makes_the_run_of_the_proof_tick_by_tick(proofs):
-    proof = proofs["s5-ob251"]
-    text = str(export_zones(proof)["program_listing.txt"])
+def test_the_listing_of_step_5_makes_the_run_of_the_proof_tick_by_tick(proofs, ramp):
+    proof = ramped(proofs["s5-ob251"], ramp)
+    text = str(export_zones(proof, force=True)["program_listing.txt"])
     states, opened = {}, []
     parameters = [(parameters_of(words.whole), Ob251Assumptions()) for words in proof.words]
 
@@ -107,7 +116,8 @@ def test_the_listing_of_step_5_makes_the_run_of_the_proof_tick_by_tick(proofs):
             for zone in range(3):  # each block was given its own setpoint and reading
                 block = cpu.data[30 + 10 * zone]
                 assert block[22] == trace.readings[scan[0], zone]
-                assert block[9] == int(2047 * SETPOINTS[zone] / 100)
+                asked, begun = int(2047 * SETPOINTS[zone] / 100), int(trace.readings[0, zone])
+                assert block[9] == (asked if ramp is None else min(begun + 4 * ((scan[0] + 1) // 2), asked))
         assert not opened
         for zone in range(3):
             assert bool(cpu.outputs.get(f"PY {4 + zone}", 0)) == is_on(trace, zone, k * tick), (k * tick, zone)
@@ -142,10 +152,11 @@ def test_the_program_follows_the_open_points_that_the_user_knows(proofs):
     assert str(export_zones(proof)["program_listing.txt"]).count("OB251 off: it clears") == 3
 
 
+@pytest.mark.parametrize("ramp", [None, Ramp(step=single(0.3), calls=2)])
 @pytest.mark.long
-def test_the_structured_text_of_all_zones_makes_the_run_of_the_proof_tick_by_tick():
-    proof = design_zones(network_by_hand(chain(3, 1.0)), "iec-pid", SETPOINTS)
-    (name, text), = export_zones(proof).items()
+def test_the_structured_text_of_all_zones_makes_the_run_of_the_proof_tick_by_tick(ramp):
+    proof = ramped(design_zones(network_by_hand(chain(3, 1.0)), "iec-pid", SETPOINTS), ramp)
+    (name, text), = export_zones(proof, force=True).items()
     assert name == "iec_pid_zones.st"
     whole = units(text)
     assert [(unit.kind, unit.name) for unit in whole] == [

@@ -259,6 +259,8 @@ def _add_zones(group: Any) -> None:
                        help="which zones exchange heat: chain, ring or free (default: what the log shows)")
     group.add_argument("--neighbour-deviation", type=float, metavar="K", help="by how much a zone may leave its "
                        "setpoint while a neighbour's changes [°C] (default: 40 %% of the change)")
+    group.add_argument("--spread", type=float, metavar="K", help="by how much two zones may differ beyond their "
+                       "setpoints while all heat up together [°C]; if needed, on the same setpoint ramp")
     group.add_argument("--rated-power", metavar="X,X", help="full power of each zone's heater [kW]")
     group.add_argument("--peak-power", type=float, metavar="X", help="most power of all heaters at once while the "
                        "setpoints are held [kW]; the PWM periods are staggered")

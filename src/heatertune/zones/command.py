@@ -101,7 +101,7 @@ def _specification(settings: argparse.Namespace, fitted: FittedNetwork, conditio
     spec = specification_for(fitted, setpoints, conditions)
     rated = () if settings.rated_power is None else numbers_in("--rated-power", settings.rated_power)
     return replace(spec, deviation_degC=settings.neighbour_deviation, rated_kw=rated, peak_kw=settings.peak_power,
-                   staggered=settings.stagger)
+                   staggered=settings.stagger, spread_degC=settings.spread)
 
 
 def _parameters(proof: JointProof) -> str:

@@ -2,29 +2,46 @@
 
 A controller of whole numbers may need a longer interval: its integral part moves by whole increments only, and an error
 whose increment is below one of them stays.
+
+Where the spread of zones that heat up together is limited, and power alone does not keep it, all get the same setpoint
+ramp: the fastest of a few at which the slowest zone follows and the limit is kept.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from itertools import islice
 from typing import Final
 
-from heatertune.errors import InputError
+import numpy as np
+
+from heatertune.errors import InputError, OutOfRange
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.open_points import settings_to_prove
+from heatertune.plc.ramp import Ramp
 from heatertune.plc.words import Words
+from heatertune.proof.heaters import RESERVE_PCT
 from heatertune.settings import Conditions
 from heatertune.zones.identify import FittedNetwork
 from heatertune.zones.joint_loop import residual_error_degC
-from heatertune.zones.joint_proof import HOLDING_POWERS, JointProof, ZoneSpecification, prove_zones, specification_for
+from heatertune.zones.joint_proof import (
+    HOLDING_POWERS,
+    SPREAD_NAME,
+    JointProof,
+    ZoneSpecification,
+    prove_zones,
+    specification_for,
+)
 from heatertune.zones.joint_tuning import JOINT_MS, JointTuner
 
 __all__ = ["design_zones"]
 
 _ATTEMPTS: Final = 5  # designs that are proven, each detuned further, in all zones and then in one
 _MANY: Final = 10.0  # times the tolerance that an error at rest has to be to spare the other zones' tuning
+_PACES: Final = (1.0, 0.7, 0.5, 0.35, 0.25, 0.125)  # of the rate at which the slowest zone can follow a setpoint ramp
 _LONGER: Final = (2.0, 4.0, 3.0)  # intervals that are tried beyond the first, as multiples of it
 
 
@@ -53,16 +70,60 @@ def design_zones(
     spec = specification or specification_for(fitted, setpoints_degC, asked)
     is_broken = partial(_never_moves, tolerance_degC=spec.limits.tolerance_degC, stated=asked.switches)
     at_interval = partial(JointTuner, fitted, target, scaling=scaling, structure=structure)
-    prove = partial(prove_zones, fitted=fitted, specification=spec, conditions=asked)
-    proofs = _proofs_of(at_interval(sample_time_s=sample_time_s), prove, is_broken)
-    if not proofs:
+    prove = partial(prove_zones, fitted=fitted, specification=replace(spec, spread_degC=None), conditions=asked)
+    best = _tuned(at_interval, prove, is_broken, sample_time_s)
+    if best is None:
         raise InputError(f"no {structure} of {target} keeps Ms {JOINT_MS:g} on all plausible networks: log longer "
                          "steps of each zone's power, which narrows the intervals")
-    shortest_s = proofs[0].design.designs[0].sample_time_s
+    return best if spec.spread_degC is None else _start_together(best, partial(prove, specification=spec))
+
+
+def _start_together(proof: JointProof, prove: Callable[..., JointProof]) -> JointProof:
+    """Return the proof of a design with the fastest setpoint ramp with which the zones keep together, or without one.
+
+    Where no ramp does it, the proof comes back that breaks nothing else and comes nearest: its spread can be allowed.
+
+    Args:
+        proof: of a design without setpoint ramp, whose spread was not limited.
+        prove: proves a design with the limit.
+    """
+    plain = prove(proof.design)
+    if plain.verdict != "FAIL" or proof.verdict == "FAIL":
+        return plain
+    ramped = [plain.design.with_ramp(ramp) for ramp in _ramps(plain)]
+    for design in ramped:
+        found = prove(design, up_to_failure=True)
+        if found.verdict != "FAIL":
+            return found
+    whole = [plain, *map(prove, ramped)]
+    return min((each for each in whole if all(one.ok for one in each.criteria if one.name != SPREAD_NAME)),
+               key=_worst_share)
+
+
+def _ramps(proof: JointProof) -> Iterator[Ramp]:
+    """Yield setpoint ramps, the first as fast as the slowest zone rises near its setpoint with full power."""
+    words, network = proof.words[0], proof.fitted.network
+    controller = controller_for(words.target)
+    spare_pct = 100.0 - RESERVE_PCT - network.holding_pct(proof.specification.setpoints_degC)
+    per_s = float(np.min(spare_pct * np.array(network.gains_degC_per_pct) / np.array(network.time_constants_s)))
+    for pace in _PACES if controller.has_ramp and per_s > 0.0 else ():
+        with suppress(OutOfRange):  # slower than the controller's words can be
+            yield controller.ramp(words, 60.0 * pace * per_s)
+
+
+def _tuned(
+    at_interval: Callable[..., JointTuner], prove: Callable[..., JointProof], is_broken: Callable[[Words], bool],
+    sample_time_s: float | None,
+) -> JointProof | None:
+    """Return the proof of the first design that passes, else of that which comes nearest; None where none is robust."""
+    proofs = _proofs_of(at_interval(sample_time_s=sample_time_s), prove, is_broken)
+    if not proofs:
+        return None
+    words = proofs[0].words[0]
     for factor in _LONGER if sample_time_s is None else ():
         if proofs[-1].verdict != "FAIL" or _needs_more_power(proofs[-1]):
             break
-        longer_s = controller_for(target).timer.round(factor * shortest_s)
+        longer_s = controller_for(words.target).timer.round(factor * words.sample_time_s)
         proofs += _proofs_of(
             at_interval(sample_time_s=longer_s), partial(prove, first=proofs[-1].runs[-1]), is_broken)
     best = proofs[-1] if proofs[-1].verdict != "FAIL" else min(proofs, key=_worst_share)

@@ -11,6 +11,7 @@ from typing import Any, Final, NamedTuple
 
 from heatertune.compiled.plain_functions import cold_state, measure, step, warm_state
 from heatertune.plc.pwm import INSTANT_S, on_time
+from heatertune.proof.kernel import SetpointProgram, moves, setpoint_word_now
 from heatertune.proof.meter import Places
 
 __all__ = ["KINDS", "JointArrays", "NetworkArrays", "ZoneEvents", "ZoneMemory", "ZoneWords", "run_joint", "scan_zone",
@@ -59,10 +60,21 @@ class ZoneEvents(NamedTuple):
 
 
 class ZoneWords(NamedTuple):
-    """Setpoint words: of each zone now, and of each event, in the controllers' units."""
+    """Setpoint words, in the controllers' units.
+
+    Attributes:
+        now: requested of each zone.
+        of_event: of each event.
+        last: which each controller was given last, on its ramp.
+        calls: of each controller since its start.
+        program: the setpoint ramp, one for all zones; its phases are not used.
+    """
 
     now: Places
     of_event: Places
+    last: Places
+    calls: Places
+    program: SetpointProgram
 
 
 class ZoneMemory(NamedTuple):
@@ -208,12 +220,16 @@ def scan_zone(  # noqa: PLR0913 - as `scan_zones`
         state = cold_state(controller[0], cold)
     if memory.command[zone] == _WARM:
         state = warm_state(controller[0], cold, state)
+    words.calls[zone] = words.calls[zone] if memory.command[zone] == 0 else 0
     memory.command[zone] = 0
     if memory.is_on[zone] == 0:
         return state
     reading = measure(controller[1], out.temperatures[k, zone] + noise[zone])
-    begins = memory.begin[zone] <= now + INSTANT_S
-    state, power, _, flags = step(controller[0], state, words.now[zone], reading, begins)
+    begins, calls = memory.begin[zone] <= now + INSTANT_S, words.calls[zone]
+    words.last[zone] = setpoint_word_now(
+        words.program, words.now[zone], calls == 0, moves(words.program, calls), words.last[zone], reading)
+    words.calls[zone] = calls + 1
+    state, power, _, flags = step(controller[0], state, words.last[zone], reading, begins)
     memory.power[zone] = 0.0 if math.isnan(power) else power
     memory.overflows[0] += 1 if flags & overflow else 0
     out.readings[k, zone], out.powers[k, zone] = reading, memory.power[zone]

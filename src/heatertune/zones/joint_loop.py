@@ -23,7 +23,8 @@ from heatertune.plc.core import StepFunctions
 from heatertune.plc.pwm import INSTANT_S, Actuator
 from heatertune.plc.single_precision import to_single
 from heatertune.plc.words import Words
-from heatertune.proof.loop import actuator_of, in_loop
+from heatertune.proof.kernel import SetpointProgram, setpoint_word_now
+from heatertune.proof.loop import LoopController, actuator_of, in_loop
 from heatertune.zones.joint_kernel import (
     KINDS,
     JointArrays,
@@ -39,7 +40,7 @@ from heatertune.zones.network import ThermalNetwork
 
 __all__ = [
     "JointTrace", "ZoneEvent", "ZoneLoop", "bound_kernel", "event_arrays", "memory_at_rest", "nested_pairs",
-    "network_arrays", "offsets_for", "residual_error_degC", "run_zones",
+    "network_arrays", "offsets_for", "ramp_program", "residual_error_degC", "run_zones",
 ]
 
 _MOST_PLAIN: Final = 20_000  # scans of all zones that take as long as to compile the kernel
@@ -78,7 +79,7 @@ class ZoneLoop:
         offsets_s: begin of each zone's PWM period after that of the first [s].
 
     Raises:
-        InputError: words of several targets or intervals, or with a setpoint ramp or boost.
+        InputError: words of several targets, intervals or setpoint ramps, or with a boost.
     """
 
     words: tuple[Words, ...]
@@ -86,10 +87,11 @@ class ZoneLoop:
     offsets_s: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
-        if len({(words.target, words.sample_time_s) for words in self.words}) > 1:
-            raise InputError("zones of one PLC: all controllers need the same target and sampling interval")
-        if any(words.ramp is not None or words.boost is not None for words in self.words):
-            raise InputError("zones are proven without setpoint ramp and boost: leave them out")
+        if len({(words.target, words.sample_time_s, words.ramp) for words in self.words}) > 1:
+            raise InputError("zones of one PLC: all controllers need the same target, sampling interval and setpoint "
+                             "ramp")
+        if any(words.boost is not None for words in self.words):
+            raise InputError("zones are proven without boost: leave it out")
         if not self.offsets_s:
             object.__setattr__(self, "offsets_s", (0.0,) * len(self.words))
 
@@ -263,6 +265,7 @@ class _Controllers:
                    for words in loop.words]
         self.core, self.pwm = started[0].core, actuator_of(started[0], loop.actuator).numbers
         self.parameters = nested_pairs([(each.parameters, each.sensor) for each in started])
+        self.program = ramp_program(started[0])
         self.cold, self.states = (nested_pairs([
             each.core.cold_start(each.parameters, each.core.own(each.state)) for each in started]) for _ in range(2))
 
@@ -271,7 +274,8 @@ class _Controllers:
         measured = [self.controller.measure(self.words[each.zone], each.value if each.kind == "setpoint" else
                                             self.words[each.zone].scaling.low_degC) for each in events]
         none = self.controller.measure(self.words[0], self.words[0].scaling.low_degC)
-        words = ZoneWords(np.array([none] * len(self.words)), np.array([*measured, none]))
+        now, last = np.array([[none] * len(self.words)] * 2)
+        words = ZoneWords(now, np.array([*measured, none]), last, np.zeros(len(now), dtype=np.int64), self.program)
         own: tuple[Any, ...] = self.parameters, self.cold, self.states, words
         flags, function = self.core.flags, bound_kernel(self.core, len(self.words))
         overflow = 1 << flags.index("overflow") if "overflow" in flags else 0
@@ -279,6 +283,12 @@ class _Controllers:
             own = to_single(own) if self.core.singles else own
             function = compile_function(function, calls=True)
         function(*own, interval_s, overflow, self.pwm, network, event_arrays(events), *others)
+
+
+def ramp_program(controller: LoopController) -> SetpointProgram:
+    """Return the setpoint ramp of a controller that runs, as the kernel takes it: a program without phases."""
+    nothing = np.zeros(0)
+    return SetpointProgram(nothing, nothing, controller.ramp_step, controller.ramp_calls, controller.ramp_hold)
 
 
 def nested_pairs(items: Sequence[Any]) -> Any:
@@ -292,7 +302,8 @@ def nested_pairs(items: Sequence[Any]) -> Any:
 @cache
 def bound_kernel(core: StepFunctions, count: int) -> Callable[..., int]:
     """Return the kernel with a controller in it for so many zones, a plain function."""
-    one = bound(scan_zone, step=core.step, measure=core.measure, warm_state=core.warm_start, cold_state=core.cold_start)
+    one = bound(scan_zone, step=core.step, measure=core.measure, warm_state=core.warm_start, cold_state=core.cold_start,
+                setpoint_word_now=bound(setpoint_word_now, setpoint_word=core.store_setpoint))
     scan = one
     for _ in range(count - 1):
         scan = bound(scan_zones, scan_zone=one, other_zones=scan)

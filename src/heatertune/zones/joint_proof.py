@@ -7,10 +7,10 @@ its heater stuck at full power; a restart of the PLC; zones started one after th
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
@@ -33,13 +33,19 @@ from heatertune.zones.identify import FittedNetwork
 from heatertune.zones.joint_loop import JointTrace, ZoneEvent, ZoneLoop, offsets_for, residual_error_degC, run_zones
 from heatertune.zones.joint_tuning import JOINT_MS, JointDesign
 from heatertune.zones.network import ThermalNetwork
+from heatertune.zones.run_figures import PeakPower, RunPhase, overshoot_criteria, tightest_degC, zone_spread
 
-__all__ = ["HOLDING_POWERS", "JointCriterion", "JointProof", "ZoneSpecification", "prove_zones", "specification_for"]
+__all__ = [
+    "HOLDING_POWERS", "SPREAD_NAME", "JointCriterion", "JointProof", "ZoneSpecification", "prove_zones",
+    "specification_for",
+]
 
 _DRAWN: Final = 6
 _STEP_DEGC: Final = 5.0
 _DEVIATION: Final = 0.4  # of a neighbour's setpoint change
 _DEVIATION_NAME: Final = "neighbour deviation [°C]"
+#: criterion of the zones that heat up together
+SPREAD_NAME: Final = "spread while heating up [°C]"
 _LOAD_PCT: Final = 20.0
 _DECAY: Final = 200.0  # the loop has settled where its slowest motion is so many times smaller
 _BEYOND: Final = 1.1  # times the logged rise that a setpoint may be above the ambient
@@ -73,6 +79,8 @@ class ZoneSpecification:
         rated_kw: full power of each zone's heater [kW]; empty: not stated.
         peak_kw: most power of all heaters at once, None: no limit [kW].
         staggered: whether the PWM periods begin one after the other, so that few heaters are on at once.
+        spread_degC: by how much the difference between two zones may exceed that between their setpoints while all heat
+            up together; None: no limit [°C].
     """
 
     setpoints_degC: tuple[float, ...]
@@ -82,15 +90,15 @@ class ZoneSpecification:
     rated_kw: tuple[float, ...] = ()
     peak_kw: float | None = None
     staggered: bool = False
+    spread_degC: float | None = None
 
     def __post_init__(self) -> None:
         check("step_degC", self.step_degC, above=0.0)
-        if self.deviation_degC is not None:
-            check("deviation_degC", self.deviation_degC, above=0.0)
+        for name in ("deviation_degC", "peak_kw", "spread_degC"):
+            if (limit := getattr(self, name)) is not None:
+                check(name, limit, above=0.0)
         for number, rated in enumerate(self.rated_kw):
             check(f"rated_kw[{number}]", rated, above=0.0)
-        if self.peak_kw is not None:
-            check("peak_kw", self.peak_kw, above=0.0)
         if self.rated_kw and len(self.rated_kw) != len(self.setpoints_degC):
             raise InputError(f"{len(self.rated_kw)} rated powers for {len(self.setpoints_degC)} zones")
         if self.peak_kw is not None and not self.rated_kw:
@@ -153,6 +161,7 @@ class JointProof:
         peak_heaters, peak_kw: most heaters on at once while the setpoints are held, and their power [kW].
         heating_up_heaters: likewise in the whole run, heat-up, faults and restart included.
         heaters_bound: ⌈Σ duty⌉ on the best fit: as many must be on at once at times.
+        spread: largest one while all zones heat up together, see `ZoneSpecification`; None: no run came so far.
         bound_share: share of the PWM periods, while the setpoints are held, in which no more than ⌈Σ duty⌉ of the run's
             network are on at once.
         trace: the first run, on the best fit.
@@ -177,6 +186,7 @@ class JointProof:
     heating_up_heaters: int
     heaters_bound: int
     bound_share: float
+    spread: JointCriterion | None
     trace: JointTrace
     settle_s: float = math.inf
     heat_s: float = math.inf
@@ -229,7 +239,23 @@ class JointProof:
         lines.append(f"heaters on at once while the setpoints are held: at most {held}; the best fit needs "
                      f"{self.heaters_bound}; in {100.0 * self.bound_share:.4g} % of the PWM periods no more than the "
                      f"duties of the run need; heating up, and after faults: up to {heating}")
-        return "\n".join(lines)
+        most_kw, limit_kw = kw_of(self.heating_up_heaters), self.specification.peak_kw
+        if most_kw is not None and limit_kw is not None and most_kw > limit_kw:
+            lines.append(f"not limited to {limit_kw:.4g} kW: heating up, faults and restarts; fuses and supply have to "
+                         f"bear {most_kw:.4g} kW")
+        return "\n".join([*lines, *self._group_start()])
+
+    def _group_start(self) -> Iterator[str]:
+        """Yield how far the zones are apart while they heat up together, and what they need to be so."""
+        if self.spread is None:
+            return
+        limit = "" if self.spread.limit == math.inf else f", limit {self.spread.limit:.4g} °C"
+        yield (f"spread of the zones while all heat up together: {self.spread.value:.4g} °C beyond the difference of "
+               f"their setpoints{limit} ({self.spread.where})")
+        if self.words[0].ramp is not None:
+            rate = controller_for(self.words[0].target).ramp_degC_per_min(self.words[0])
+            yield (f"setpoint ramp of all zones: {rate:.3g} °C/min, contained in the program of each: start all zones "
+                   "at the same time")
 
     def brief(self) -> str:
         """Return the summary without the criteria that are kept."""
@@ -244,20 +270,10 @@ class JointProof:
                            switches=self.switches)
 
 
-class _Phase(NamedTuple):
-    """A part of a run: what is judged between two instants."""
-
-    kind: str
-    zone: int
-    start_s: float
-    end_s: float
-    change_degC: float = 0.0
-    idle: tuple[int, ...] = ()  # zones that are not judged
-
-
 #: criterion → the option that allows what it measured, and its unit
 _OPTIONS: Final = {
     _DEVIATION_NAME: ("--neighbour-deviation ", ""),
+    SPREAD_NAME: ("--spread ", ""),
     **dict.fromkeys(("offset at rest [°C]", "swing at rest [°C]", "error at rest [°C]",
                      "error that no increment corrects [°C]"), ("--tolerance ", "")),
     "overshoot [%]": ("--limit overshoot=", "%"),
@@ -267,8 +283,11 @@ _OPTIONS: Final = {
 
 def _allowing(broken: Sequence[JointCriterion]) -> str:
     """Return the options that allow what all broken criteria measured; "" where one of them has no option."""
+    others = [each for each in broken if each.name != SPREAD_NAME]
     if not broken or any(each.name not in _OPTIONS for each in broken):
         return ""
+    if others and others != [*broken]:
+        return f"{_allowing(others)}; the spread is then proven again, with setpoint ramps if needed"
     most, units = dict[str, float](), dict(_OPTIONS.values())
     for each in broken:
         option, _ = _OPTIONS[each.name]
@@ -349,7 +368,7 @@ def prove_zones(
     planned = list(prover.runs(networks, asked.switches))
     for label, run in [*(pair for pair in planned[1:] if up_to_failure and pair[0] == first), *planned]:
         if runs == [first]:  # it breaks nothing: as if it had not run
-            prover.peak, criteria, traces, runs = _PeakPower(), criteria[:unrun], [], []
+            prover.peak, criteria, traces, runs = PeakPower(), criteria[:unrun], [], []
         result, judged = run()
         criteria += [replace(each, where=f"{each.where}, {label}") for each in judged]
         runs.append(label)
@@ -357,7 +376,10 @@ def prove_zones(
         if up_to_failure and not all(each.ok for each in criteria):
             break
     peak = prover.peak
-    found = list({each.name: each for each in sorted(criteria, key=lambda criterion: criterion.share)}.values())
+    spread = max((each for each in criteria if each.name == SPREAD_NAME), key=lambda criterion: criterion.value,
+                 default=None)
+    limited = (each for each in criteria if each.limit < math.inf)
+    found = list({each.name: each for each in sorted(limited, key=lambda criterion: criterion.share)}.values())
     peak_kw = specification.most_kw(peak.most)
     if specification.peak_kw is not None and peak_kw is not None:
         found.append(JointCriterion(
@@ -370,7 +392,7 @@ def prove_zones(
         accepted=tuple(asked.accept),
         not_tested=(*dict.fromkeys(prover.not_tested), *_limits_not_judged(asked), *_NOT_TESTED),
         peak_heaters=peak.most, peak_kw=peak_kw, heating_up_heaters=peak.ever, heaters_bound=peak.bound,
-        bound_share=peak.share, trace=traces[0],
+        bound_share=peak.share, spread=spread, trace=traces[0],
         settle_s=prover.settle_s, heat_s=max(prover.heat_s, 2.0 * prover.settle_s),
         switches=dict(asked.switches), conditions=asked)
 
@@ -417,11 +439,14 @@ class _Prover:
         self.setpoints = np.array(specification.setpoints_degC)
         self.not_tested: list[str] = []
         self._residual_errors: dict[tuple[tuple[str, str], ...], Array] = {}
-        self.peak = _PeakPower()
+        self.peak = PeakPower()
         tight = max(max(network.dead_times_s) for _, network in fitted.draw(0))
+        words = design.words[0]
+        self.ramp_s_per_degC = 60.0 / controller_for(words.target).ramp_degC_per_min(words)  # 0 without a ramp
         radius = min(max(design.radius, 1e-3), 1.0 - 1e-6)
         settle = -math.log(_DECAY) / math.log(radius) * loop.sample_time_s + 2.0 * tight
-        self.settle_s = max(settle, 6.0 * tight, 20.0 * loop.sample_time_s)
+        on_ramp_s = self.ramp_s_per_degC * specification.step_degC
+        self.settle_s = max(settle, 6.0 * tight, 20.0 * loop.sample_time_s) + on_ramp_s
         integral = max(each.integral_time_s for each in design.designs)
         self.open_s = 2.0 * integral
         self.heat_s = 0.0  # the longest heat-up of a run
@@ -502,7 +527,9 @@ class _Prover:
     def _heat_up_s(self, network: ThermalNetwork) -> float:
         share = min(float(np.max(network.holding_pct(self.setpoints))) / 100.0, 0.95)
         alone = max(network.time_constants_s) + sum(network.second_time_constants_s)
-        return -alone * math.log(1.0 - max(share, 0.1)) + max(network.dead_times_s) + self.settle_s
+        rise_degC = max(float(np.max(self.setpoints - np.array(network.ambients_degC))), 0.0)
+        return (-alone * math.log(1.0 - max(share, 0.1)) + max(network.dead_times_s) + self.settle_s
+                + self.ramp_s_per_degC * rise_degC)
 
     def _change_degC(self, network: ThermalNetwork, zone: int) -> float:
         """Return the largest setpoint change of a zone that all zones can hold, up to the one asked for [°C]."""
@@ -523,14 +550,14 @@ class _Prover:
         self.heat_s = max(self.heat_s, heat_s)
         events = [event for zone in range(self.count) for event in (
             ZoneEvent(0.0, "setpoint", zone, float(self.setpoints[zone])), ZoneEvent(0.0, "on", zone))]
-        phases, now = [_Phase("heat-up", -1, 0.0, heat_s)], heat_s
+        phases, now = [RunPhase("heat-up", -1, 0.0, heat_s)], heat_s
         for zone in zones:
             change, setpoint = self._change_degC(network, zone), float(self.setpoints[zone])
             if change >= 0.2 * self.specification.step_degC:
                 events += [ZoneEvent(now, "setpoint", zone, setpoint + change),
                            ZoneEvent(now + wait, "setpoint", zone, setpoint)]
-                phases += [_Phase("setpoint change", zone, now, now + wait, change),
-                           _Phase("setpoint back", zone, now + wait, now + 2.0 * wait, change)]
+                phases += [RunPhase("setpoint change", zone, now, now + wait, change),
+                           RunPhase("setpoint back", zone, now + wait, now + 2.0 * wait, change)]
                 now += 2.0 * wait
             else:
                 name = self.zones[zone]
@@ -538,12 +565,12 @@ class _Prover:
             load = min(_LOAD_PCT, 100.0 - RESERVE_PCT - float(network.holding_pct(self.setpoints)[zone]))
             if load > _IDLE_PCT:
                 events += [ZoneEvent(now, "load", zone, load), ZoneEvent(now + wait, "load", zone, 0.0)]
-                phases += [_Phase("load", zone, now, now + wait),
-                           _Phase("load gone", zone, now + wait, now + 2.0 * wait)]
+                phases += [RunPhase("load", zone, now, now + wait),
+                           RunPhase("load gone", zone, now + wait, now + 2.0 * wait)]
                 now += 2.0 * wait
             now = self._faults(network, zone, now, events, phases, whole=whole)
         events.append(ZoneEvent(now, "restart", 0))
-        phases.append(_Phase("restart", -1, now, now + 2.0 * wait))
+        phases.append(RunPhase("restart", -1, now, now + 2.0 * wait))
         trace = run_zones(self.loop, network, events, now + 2.0 * wait, switches=switches)
         held = [phase for phase in phases if phase.kind in ("load gone", "setpoint back", "restart")]
         duties = np.clip(network.holding_pct(self.setpoints), 0.0, 100.0)
@@ -551,7 +578,7 @@ class _Prover:
         return trace, self._judged(trace, network, phases, self._residual_error_degC(switches))
 
     def _faults(self, network: ThermalNetwork, zone: int, now: float, events: list[ZoneEvent],
-                phases: list[_Phase], *, whole: bool) -> float:
+                phases: list[RunPhase], *, whole: bool) -> float:
         """Add the open circuit of a zone, and in the whole sequence the zone off and stuck; return the end [s]."""
         wait = self.settle_s
         cools = _COOLS * max(network.time_constants_s)  # a zone that is off, and then disturbs its neighbours no more
@@ -562,9 +589,10 @@ class _Prover:
             others = tuple(other for other in range(self.count) if other != zone)
             holdable = kind == "off" and self._can_hold(network, others)
             events += [ZoneEvent(now, kind, zone), ZoneEvent(now + lasts, ends, zone)]
-            phases += [_Phase(f"others with the zone {kind}", zone, now, now + lasts, idle=(zone,))] if holdable else []
+            if holdable:
+                phases.append(RunPhase(f"others with the zone {kind}", zone, now, now + lasts, idle=(zone,)))
             again = 1.5 * wait + {"open": 0.0, "off": self._heat_up_s(network) - wait, "stuck": cools}[kind]
-            phases.append(_Phase(f"after the zone was {kind}", zone, now + lasts, now + lasts + again))
+            phases.append(RunPhase(f"after the zone was {kind}", zone, now + lasts, now + lasts + again))
             now += lasts + again
         return now
 
@@ -573,15 +601,15 @@ class _Prover:
         """Start the zones one after the other, each when the one before has had time to settle."""
         each_s = self._heat_up_s(network)
         events: list[ZoneEvent] = []
-        phases: list[_Phase] = []
+        phases: list[RunPhase] = []
         for place, zone in enumerate(order):
             now, begun = place * each_s, tuple(order[: place + 1])
             events += [ZoneEvent(now, "setpoint", zone, float(self.setpoints[zone])), ZoneEvent(now, "on", zone)]
             if self._can_hold(network, begun):
                 idle = tuple(other for other in range(self.count) if other not in begun)
-                phases.append(_Phase("started in turn", zone, now, now + each_s, idle=idle))
+                phases.append(RunPhase("started in turn", zone, now, now + each_s, idle=idle))
         end = len(order) * each_s + self.settle_s
-        phases.append(_Phase("all started", -1, end - self.settle_s, end))
+        phases.append(RunPhase("all started", -1, end - self.settle_s, end))
         trace = run_zones(self.loop, network, events, end, switches=switches)
         return trace, self._judged(trace, network, phases, self._residual_error_degC(switches))
 
@@ -596,21 +624,30 @@ class _Prover:
         power = network.demanded_pct(heat)[chosen]
         return bool(np.all(power <= 100.0 - RESERVE_PCT) and np.all(power >= _IDLE_PCT))
 
-    def _judged(self, trace: JointTrace, network: ThermalNetwork, phases: Sequence[_Phase],
+    def _judged(self, trace: JointTrace, network: ThermalNetwork, phases: Sequence[RunPhase],
                 residual_error_degC: Array) -> list[JointCriterion]:
         found = [JointCriterion(name="overflows", value=float(trace.overflows), limit=0.0, where="all zones")]
         for phase in phases:
             inside = (trace.time_s >= phase.start_s) & (trace.time_s < phase.end_s)
             seen, high, low = ((each - trace.setpoints_degC)[inside] for each in (
                 trace.temperatures_degC, trace.highest_degC, trace.lowest_degC))
+            if phase.kind == "heat-up":
+                found.append(self._spread(trace.highest_degC[inside], trace.lowest_degC[inside]))
             for zone in range(self.count):
                 if zone not in phase.idle:
                     found += self._of_zone(phase, zone, (seen[:, zone], high[:, zone], low[:, zone]), network,
                                            float(residual_error_degC[zone]))
         return found
 
+    def _spread(self, highest_degC: Array, lowest_degC: Array) -> JointCriterion:
+        """Return the largest spread of the zones in a heat-up; without a stated limit it is measured all the same."""
+        limit, (spread, warm, cold) = self.specification.spread_degC, zone_spread(
+            highest_degC, lowest_degC, self.setpoints)
+        return JointCriterion(name=SPREAD_NAME, value=spread, limit=math.inf if limit is None else limit,
+                              where=f"zone {self.zones[warm]} beyond zone {self.zones[cold]}")
+
     def _of_zone(
-        self, phase: _Phase, zone: int, errors: tuple[Array, Array, Array], network: ThermalNetwork,
+        self, phase: RunPhase, zone: int, errors: tuple[Array, Array, Array], network: ThermalNetwork,
         residual_error_degC: float,
     ) -> Iterator[JointCriterion]:
         """Yield the criteria of a zone, of its distances at the scans and of the highest and lowest between them.
@@ -627,7 +664,7 @@ class _Prover:
         yield make(name="error at rest [°C]", value=float(max(high[rest].max(), -low[rest].min())),
                    limit=limits.tolerance_degC)
         rise = max(float(self.setpoints[zone]) - network.ambients_degC[zone], 1.0)
-        over = partial(_overshoot, make, rise)
+        over = partial(overshoot_criteria, make, rise)
         if phase.kind in ("heat-up", "restart", "started in turn"):
             if phase.zone in (-1, zone):
                 yield from over("overshoot [%]", high, (limits.overshoot_pct, limits.overshoot_degC))
@@ -640,7 +677,7 @@ class _Prover:
                        value=float(max(high.max() - own, own - low.min())) + residual_error_degC,
                        limit=self.specification.deviation_limit_degC(phase.change_degC))
         elif phase.kind == "setpoint change":
-            most_degC = _tightest(
+            most_degC = tightest_degC(
                 phase.change_degC, limits.small_change_overshoot_pct, limits.small_change_overshoot_degC)
             if most_degC is not None:
                 yield make(name="overshoot of a setpoint change [°C]", value=float(high.max()),
@@ -651,50 +688,3 @@ class _Prover:
                 limits.recovery_overshoot_pct, limits.recovery_overshoot_degC))
             if limits.deviation_degC is not None and zone == phase.zone:
                 yield make(name="distance after a load [°C]", value=float(sides[1].max()), limit=limits.deviation_degC)
-
-
-def _tightest(whole_degC: float, most_pct: float | None, most_degC: float | None) -> float | None:
-    """Return the lower of two limits, one of them a share of a rise or change [°C]; None where there is none [°C]."""
-    limits = [] if most_pct is None else [most_pct / 100.0 * whole_degC]
-    return min([*limits, *([] if most_degC is None else [most_degC])], default=None)
-
-
-def _overshoot(
-    make: Callable[..., JointCriterion], rise_degC: float, name: str, beyond_degC: Array,
-    most: tuple[float | None, float | None],
-) -> Iterator[JointCriterion]:
-    """Yield an overshoot as a share of the rise, if it is limited, as a share of the rise or in °C."""
-    if (limit_degC := _tightest(rise_degC, *most)) is not None:
-        yield make(name=name, value=100.0 * float(beyond_degC.max()) / rise_degC, limit=100.0 * limit_degC / rise_degC)
-
-
-@dataclass(slots=True)
-class _PeakPower:
-    """How many heaters are on at once while the setpoints are held, over all runs."""
-
-    most: int = 0
-    ever: int = 0
-    bound: int = 0
-    periods: int = 0
-    within_bound: int = 0
-
-    @property
-    def share(self) -> float:
-        """Share of the PWM periods in which no more heaters than the bound are on at once."""
-        return self.within_bound / self.periods if self.periods else 1.0
-
-    def count(self, trace: JointTrace, phases: Sequence[_Phase], period_s: float, bound: int) -> None:
-        """Count the heaters in the last fifth of phases in which the setpoints are held; `bound` is ⌈Σ duty⌉."""
-        self.bound = self.bound or bound  # that of the best fit, which runs first
-        instants, on = trace.heaters_on()
-        self.ever = max(self.ever, int(np.max(on, initial=0)))
-        for phase in phases:
-            start = phase.end_s - 0.2 * (phase.end_s - phase.start_s)
-            inside = (instants >= start) & (instants < phase.end_s)
-            period = np.floor((instants[inside] - start) / period_s).astype(np.int64)
-            if len(period):
-                most = np.zeros(int(period.max()) + 1)
-                np.maximum.at(most, period, on[inside])
-                self.most = max(self.most, int(most.max()))
-                self.periods += len(most)
-                self.within_bound += int(np.count_nonzero(most <= bound))

@@ -25,6 +25,7 @@ from heatertune.pid.design_values import PidDesign
 from heatertune.pid.sampled_loop import controller_response
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.design import tune
+from heatertune.plc.ramp import Ramp
 from heatertune.plc.word_selection import choose_words
 from heatertune.plc.words import Words
 from heatertune.settings import TuneSettings
@@ -75,6 +76,10 @@ class JointDesign:
         """Whether the joint loop keeps the limit, and so does each zone alone, as tuned or as one heater."""
         return (max(self.joint_ms, self.alone_ms) <= JOINT_MS and min(max(self.ms_zones), self.alone_ms) <= _ALONE_MS
                 and self.radius < 1.0)
+
+    def with_ramp(self, ramp: Ramp | None) -> JointDesign:
+        """Return this design with the same setpoint ramp for all zones; None: without one."""
+        return replace(self, words=tuple(replace(words, ramp=ramp) for words in self.words))
 
 
 def zone_model(

@@ -28,6 +28,7 @@ _BLOCK: Final = re.compile(r"^(FUNCTION_BLOCK|DATA_BLOCK|FUNCTION|ORGANIZATION_B
                            re.DOTALL | re.MULTILINE)
 _NO_FILE_NAME: Final = re.compile(r"[^\w-]")
 _LINE_END: Final = "\r\n"  # of a source of STEP 7
+_OWN_TEMPORARIES: Final = re.compile(r"^  [a-z]+ : D?INT ;$", re.MULTILINE)  # of the interrupt: not those of the CPU
 _TICK: Final = re.compile(r"(    +L +)L#0;(\n +T +DB102\.DBD +12;)")
 
 
@@ -157,7 +158,7 @@ def _s7(zones: Sequence[str], parts: Sequence[Mapping[str, str | bytes]], proof:
                   "           OB35_EXC_FREQ := #OB35_EXC_FREQ);"]
     start, tick = found["OB 100"], found["OB 35"]
     restart = f"{start[:start.index('NETWORK')]}{''.join(loads)}END_ORGANIZATION_BLOCK\n"
-    cyclic = tick[:tick.index("NETWORK")].replace("  reading : INT ;\n", "")
+    cyclic = re.sub(_OWN_TEMPORARIES.pattern + "\n", "", tick[:tick.index("NETWORK")], flags=re.MULTILINE)
     text = "\n".join(["\n".join(heads), *shared.values(), *own, restart, cyclic + "\n".join(calls),
                       "END_ORGANIZATION_BLOCK\n"])
     return {"s7_300_zones.awl": text.replace("\n", _LINE_END), **files}
@@ -177,9 +178,10 @@ def _delayed(source: str, ticks: int, proof: JointProof) -> str:
 def _as_function_block(block: str, zone: str) -> str:
     """Return what OB 35 does for a heater as a function block with its instance."""
     body = block[block.index("BEGIN\n"):].replace("END_ORGANIZATION_BLOCK", "END_FUNCTION_BLOCK")
+    own = _OWN_TEMPORARIES.findall(block)
     return "\n".join([
         "FUNCTION_BLOCK FB 102", f"TITLE =one tick of zone {zone}", "VERSION : 0.1", "VAR_INPUT",
-        "  OB35_EXC_FREQ : INT ;  // ms", "END_VAR", "VAR_TEMP", "  reading : INT ;", "END_VAR", body,
+        "  OB35_EXC_FREQ : INT ;  // ms", "END_VAR", "VAR_TEMP", *own, "END_VAR", body,
         "DATA_BLOCK DB 103", f"TITLE =instance of the tick of zone {zone}", "VERSION : 0.1", "FB 102", "BEGIN",
         "  OB35_EXC_FREQ := 0 ;", "END_DATA_BLOCK", ""])
 

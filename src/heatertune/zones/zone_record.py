@@ -118,8 +118,12 @@ def _files(files: Sequence[str]) -> str:
 
 
 def _acceptance(proof: JointProof) -> str:
+    spread = proof.specification.spread_degC
+    lines = [*_ACCEPTANCE, *([] if spread is None else [
+        "Let all zones cool down, start them at the same time, and note the largest difference between two zones: it "
+        f"exceeds that between their setpoints by {figure(spread)} °C at the most."])]
     return "<ol>" + "".join(
-        f"<li>{tick(f'accept-{row}', line)} {with_code(line)} {BLANK}</li>" for row, line in enumerate(_ACCEPTANCE)
+        f"<li>{tick(f'accept-{row}', line)} {with_code(line)} {BLANK}</li>" for row, line in enumerate(lines)
     ) + f"</ol><p>Tolerance at rest: {figure(proof.specification.limits.tolerance_degC)} °C.</p>"
 
 

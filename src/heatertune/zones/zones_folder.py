@@ -18,6 +18,7 @@ from heatertune.errors import DocumentError, ExportRefused, InputError
 from heatertune.model.findings import Finding
 from heatertune.plc import Scaling, Words, controller_for
 from heatertune.plc.pwm import Actuator
+from heatertune.plc.ramp import Ramp
 from heatertune.plc.words import check_fields
 from heatertune.proof.proof_document import digest_of, with_digest
 from heatertune.proof.repetition import recorded_conditions
@@ -96,6 +97,7 @@ class ZonesProvenance:
         network: the heaters.
         specification: what the zones must keep.
         conditions: of the proof.
+        ramp: of the setpoints of all zones; None: they step.
     """
 
     structure: str
@@ -106,6 +108,7 @@ class ZonesProvenance:
     network: NetworkRecord
     specification: ZoneSpecification
     conditions: Conditions
+    ramp: Ramp | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -159,7 +162,8 @@ def to_document(proof: JointProof, files: Iterable[str] = ()) -> Mapping[str, ob
     provenance = ZonesProvenance(
         structure=proof.design.structure, ms_zones=proof.design.ms_zones, scaling=proof.words[0].scaling,
         sample_time_s=proof.words[0].sample_time_s, actuator=proof.actuator, network=NetworkRecord.from_fitted(fitted),
-        specification=proof.specification, conditions=recorded_conditions(proof.conditions))
+        specification=proof.specification, conditions=recorded_conditions(proof.conditions),
+        ramp=proof.words[0].ramp)
     return with_digest({
         "schema": SCHEMA,
         "verdict": proof.verdict,
@@ -185,7 +189,9 @@ def to_document(proof: JointProof, files: Iterable[str] = ()) -> Mapping[str, ob
         "runs": list(proof.runs),
         "not_tested": list(proof.not_tested),
         "peak_heaters": proof.peak_heaters, "peak_kw": proof.peak_kw, "heaters_bound": proof.heaters_bound,
-        "bound_share": proof.bound_share, "settle_s": proof.settle_s, "heat_s": proof.heat_s,
+        "bound_share": proof.bound_share,
+        "spread_degC": None if proof.spread is None else proof.spread.value,
+        "settle_s": proof.settle_s, "heat_s": proof.heat_s,
         "files": sorted(files), "provenance": encode(provenance),
     })
 
@@ -225,7 +231,9 @@ def _words(document: Document, zone: Document, provenance: ZonesProvenance) -> W
     controller = controller_for(str(document["target"]))
     values = {field.name: zone["words"][field.name] for field in controller.fields}
     check_fields(controller.fields, words := Words(
-        target=controller.name, values=values, scaling=provenance.scaling, sample_time_s=provenance.sample_time_s))
+        target=controller.name, values=values, scaling=provenance.scaling, sample_time_s=provenance.sample_time_s,
+        ramp=provenance.ramp))
+    controller.check_ramp(words)
     return words
 
 
@@ -241,7 +249,7 @@ def prove_again(design: ZonesDesign) -> JointProof:
         raise ExportRefused(f"{path}: the joint proof is {design.verdict}; only words that pass are written")
     tuner = JointTuner(design.fitted, design.words[0].target, scaling=made.scaling, structure=made.structure,
                        sample_time_s=made.sample_time_s)
-    again = tuner.design_for(made.ms_zones)
+    again = tuner.design_for(made.ms_zones).with_ramp(made.ramp)
     for zone, own, words in zip(design.zones, design.words, again.words, strict=True):
         if dict(own.values) != dict(words.values):
             raise ExportRefused(f"{path}: zone {zone}: its design makes other words than the file has, so it was "

@@ -45,6 +45,7 @@ from heatertune.zones.joint_loop import (
     memory_at_rest,
     nested_pairs,
     network_arrays,
+    ramp_program,
 )
 from heatertune.zones.zones_folder import ZonesDesign, read_zones_design
 
@@ -204,7 +205,8 @@ class VirtualZones(VirtualPlc):
         out = JointArrays(*(_Latest(len(words), scans) for _ in JointArrays._fields))
         states = nested_pairs([part.block.begin() for part in self.parts])
         events, asked = self._events(), [plan.loop.setpoints[0] for plan in plans]
-        setpoints = ZoneWords(list(asked), [asked[event.zone] for event in events])
+        setpoints = ZoneWords(list(asked), [asked[event.zone] for event in events], list(asked), [0] * len(asked),
+                              ramp_program(plans[0].loop))
         core = served_core(plans[0].loop.core)
         try:
             bound_kernel(core, len(words))(

@@ -294,7 +294,7 @@ def _begin(wanted: ZonesWriteRequest, plan: ZonePlan, zone: int, peer: Peer) -> 
         "before": plan.look.content.hex(), "sha256": hashlib.sha256(plan.look.content).hexdigest(),
         "words_before": dict(plan.before), "words": dict(plan.after),
         "document": {"target": words.target, "words": dict(words.values), "sample_time_s": words.sample_time_s,
-                     "scaling": encode(words.scaling), "setpoint_ramp": None, "boost": None},
+                     "scaling": encode(words.scaling), "setpoint_ramp": encode(words.ramp), "boost": None},
         "parts": [part.to_document() for part in plan.parts], "known": dict(design.conditions.switches),
         "checks": [check.to_document() for check in plan.checks],
     }
