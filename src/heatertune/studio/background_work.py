@@ -283,14 +283,18 @@ class Work:
             await self.look()
 
     async def open(self, source: str) -> None:
-        """Read a path or built-in table and fit it."""
+        """Read a path or built-in table and fit it; a folder has its heater, settings and design."""
         try:
-            log = (await asyncio.to_thread(read_source, source)).log
+            found = await asyncio.to_thread(read_source, source)
         except HeatertuneError as problem:
             self.session.refuse_file(problem)
             self.tell()
             return
-        await self._fit(log)
+        if found.fitted is None:
+            await self._fit(found.log)
+        else:
+            self.session.load(found)
+            await self.look()
 
     async def take(self, log: Log, settings: FitSettings) -> None:
         """Fit a log with what is known beside it."""
@@ -508,6 +512,10 @@ class Work:
         if zones:
             self.take_zones(files, zones)
             self.zones = design
+        if design is not None:
+            words, scaling = design.proof.words[0], design.proof.words[0].scaling
+            self.session.change(target=words.target, structure=design.proof.design.structure, input=scaling.input,
+                                low_degC=scaling.low_degC, high_degC=scaling.high_degC)
         return bool(zones)
 
     def take_zones(self, files: Sequence[tuple[str, bytes]], zones: tuple[str, ...]) -> None:
