@@ -2,8 +2,10 @@
 
 import inspect
 import pickle
+import re
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import pytest
 
@@ -71,6 +73,68 @@ def test_an_unknown_option_is_bad_input_and_a_type_error_and_travels_between_pro
     assert isinstance(problem, InputError)
     assert isinstance(problem, TypeError)
     assert str(pickle.loads(pickle.dumps(problem))) == str(problem)
+
+
+@pytest.mark.parametrize(("call", "refusal"), [
+    (lambda have: ht.prove(have.design, have.model), "prove: words is of type PidDesign; expected Words: encode(design, target, model) makes them"),
+    (lambda have: ht.prove(have.words, have.model.model), "prove: fitted is of type Fopdt; expected FittedModel: fit(log) finds one, model_by_hand(heater) makes one"),
+    (lambda have: ht.prove("words.json", have.model), "prove: words is 'words.json'; expected Words: encode(design, target, model) makes them"),
+    (lambda have: ht.prove(have.words, have.model, {"setpoint_degC": 50.0}), "prove: conditions is of type dict; expected Conditions or None: "
+     "give options by name, prove(..., name=value)"),
+    (lambda have: ht.encode(have.model, "weg"), "encode: design is of type FittedModel; expected PidDesign: tune(model, target=...) finds one"),
+    (lambda have: ht.encode(have.design, None), "encode: target is None; expected str"),
+    (lambda have: ht.encode(have.design, "weg", scaling=(0, 100)), "encode: scaling is of type tuple; expected Scaling or None: or give range_degC=(low, high)"),
+    (lambda have: ht.tune(have.model, "weg"), "tune: settings is 'weg'; expected TuneSettings or None: give options by name, tune(..., name=value)"),
+    (lambda _: ht.design("table4", "weg"), "design: request is 'weg'; expected DesignRequest or None: "
+     "give options by name, design(log, target=...)"),
+    (lambda _: ht.design("table4", target="weg", read={"time_unit": "s"}), "design: read is of type dict; expected ReadSettings or None: "
+     "heatertune.ReadSettings(name=value) is one"),
+    (lambda have: ht.margins(have.design, have.model), "margins: heater is of type PidDesign; expected HeaterModel or FittedModel: "
+     "fit(log) finds one, model_by_hand(heater) makes one"),
+    (lambda have: ht.export(have.words, "out"), "export: proof is 'out'; expected Proof: prove(words, model) makes one"),
+    (lambda have: ht.validate(have.model, "table4"), "validate: log is 'table4'; expected Log: read_log(path) reads one"),
+    (lambda _: ht.load(5), "load: path is of type int; expected str or Path"),
+    (lambda have: ht.front(have.model, ms=3), "no option 'ms'; did you mean 'ms_high'?"),
+    (lambda have: ht.prove(have.words, have.model, limit=3), "limit = 3 is out of range: must be a text, or a list of texts"),
+    (lambda have: ht.prove(have.words, have.model, switches="x"), "switches = 'x' is out of range: must be a dictionary, name to setting"),
+    (lambda _: ht.Fopdt(gain_degC_per_pct="2", time_constant_s=9.0, dead_time_s=1.0), "gain_degC_per_pct = '2' is out of range: must be a number"),
+    (lambda have: have.model.plot(), "a model given by hand has no log to draw; design.plot() and proof.plot() draw what comes of it"),
+    (lambda have: ht.fit(have.words), "not a log: Words; expected a log, a path, an open file, a pandas table, or arrays (time_s, temperature_degC, power_pct)"),
+])
+def test_a_value_of_another_stage_is_refused_with_the_function_that_makes_the_right_one(call, refusal, model):
+    design = ht.tune(model)
+    with pytest.raises(InputError) as refused:
+        call(SimpleNamespace(model=model, design=design, words=ht.encode(design, "s7-300")))
+    assert str(refused.value) == refusal
+
+
+def test_an_error_that_names_flags_has_a_note_of_their_names_in_python(model):
+    with pytest.raises(InputError, match="give --ms, or a rule with --method") as refused:
+        ht.tune(model, closed_loop_s=30.0)
+    assert refused.value.__notes__ == ["--ms is ms in Python; --method is method in Python"]
+    frame = pytest.importorskip("pandas").DataFrame({"temperature": [20.0] * 30})
+    with pytest.raises(InputError, match="--log-interval with the seconds between two rows, or --time-column") as refused:
+        ht.fit(frame)
+    assert refused.value.__notes__ == ["--log-interval is sample_time_s in Python; --time-column is time_column in Python"]
+
+
+def test_a_name_that_no_value_has_leads_to_the_one_that_was_meant(model):
+    design = ht.tune(model)
+    words = ht.encode(design, "s7-300")
+    for value, wrong, meant in (
+        (design, "Kp", "gain_pct_per_degC"), (design, "Ti", "integral_time_s"), (design, "TV", "derivative_time_s"),
+        (design, "TA", "sample_time_s"), (model, "K", "model.gain_degC_per_pct"), (model, "tau", "model.time_constant_s"),
+        (model, "theta", "model.dead_time_s"), (words, next(iter(words.values)), f"values[{next(iter(words.values))!r}]"),
+        (design, "sumary", "summary"),
+    ):
+        with pytest.raises(AttributeError, match=f"has no attribute {wrong!r}: did you mean {re.escape(meant)}\\?$"):
+            getattr(value, wrong)
+        assert not hasattr(value, "_repr_png_")
+    for wrong, meant in (("FOPDT", "Fopdt"), ("autotune", "tune"), ("proove", "prove")):
+        with pytest.raises(AttributeError, match=f"did you mean {meant}\\?$"):
+            getattr(ht, wrong)
+    assert pickle.loads(pickle.dumps(words)) == words
+    assert pickle.loads(pickle.dumps(ht.prove)) is ht.prove
 
 
 def test_values_are_spelled_as_on_the_command_line(model):

@@ -18,14 +18,14 @@ HeatertuneError
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Final
 
 __all__ = [
     "LONGEST", "DocumentError", "ExportRefused", "HeatertuneError", "InputError", "LinkDown", "LinkError", "LogError",
     "NotRepresentable", "OutOfRange", "PlcRefused", "ReplyLost", "UnknownName", "UnknownOption", "closest",
-    "did_you_mean", "one_line",
+    "demand_known", "did_you_mean", "one_line",
 ]
 
 #: characters of an error
@@ -132,6 +132,18 @@ class UnknownOption(InputError, TypeError):
 
     def __reduce__(self) -> tuple[object, ...]:
         return UnknownOption, (self.name, self.known)
+
+
+def demand_known(names: Iterable[str], options: Iterable[str], near: Mapping[str, str] | None = None) -> None:
+    """Refuse keywords that a function does not have; `near`: wrong name → the right one, where that is known.
+
+    Raises:
+        UnknownOption: the first of them.
+    """
+    known = tuple(options)
+    for name in names:
+        if name not in known:
+            raise UnknownOption(name, known, near=(near or {}).get(name))
 
 
 class OutOfRange(InputError):

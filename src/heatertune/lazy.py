@@ -7,6 +7,8 @@ from collections.abc import Callable, Mapping
 from importlib import import_module
 from typing import Any
 
+from heatertune.errors import did_you_mean
+
 __all__ = ["lazy_attributes"]
 
 
@@ -25,6 +27,7 @@ def lazy_attributes(
     def get(name: str) -> Any:
         if name in found:
             return getattr(import_module(f"heatertune.{found[name]}"), name)
-        raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        meant = "" if name.startswith("_") else did_you_mean(name, found)
+        raise AttributeError(f"module {package!r} has no attribute {name!r}{meant}")
 
     return get, lambda: sorted(sys.modules[package].__all__)

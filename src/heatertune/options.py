@@ -6,7 +6,10 @@ a study and the rows of a record are read from the same declaration (`options_of
 
 from __future__ import annotations
 
+import functools
 import inspect
+import os
+import re
 import textwrap
 from argparse import Namespace
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -15,11 +18,11 @@ from numbers import Integral, Real
 from typing import Any, Final, TypeVar
 
 from heatertune.codec import LEFT_OUT
-from heatertune.errors import InputError, OutOfRange, UnknownName, UnknownOption, did_you_mean
+from heatertune.errors import InputError, OutOfRange, UnknownName, demand_known, did_you_mean
 from heatertune.units import check
 
-__all__ = ["Keywords", "Option", "add", "merge_options", "of", "one_of", "option", "options_of", "point_of",
-           "provided_options", "split_options", "validate_options", "with_options"]
+__all__ = ["Keywords", "Option", "add", "checked_arguments", "merge_options", "of", "one_of", "option", "options_of",
+           "point_of", "provided_options", "split_options", "validate_options", "with_options"]
 
 _T = TypeVar("_T")
 #: of a function, by name
@@ -27,7 +30,21 @@ Keywords = Mapping[str, Any]
 _Verb = TypeVar("_Verb", bound=Callable[..., Any])
 _THOUSAND: Final = 3  # digits after a comma that may separate thousands
 _METAVARS: Final = {"s": "S"}
+_KINDS: Final[Mapping[type, tuple[type, str]]] = {
+    tuple: (tuple, "a text, or a list of texts"), dict: (Mapping, "a dictionary, name to setting"),
+    str: (str, "a text")}
 _OPTIONS: Final[dict[type, dict[str, Option]]] = {}
+_BY_NAME: Final = "give options by name, {verb}(..., name=value)"
+#: class of an argument → how to get one; of other classes nothing is checked
+_WAYS: Final[Mapping[str, str]] = {
+    "Log": "read_log(path) reads one", "FittedModel": "fit(log) finds one, model_by_hand(heater) makes one",
+    "HeaterModel": "", "PidDesign": "tune(model, target=...) finds one",
+    "Words": "encode(design, target, model) makes them", "Proof": "prove(words, model) makes one",
+    "DesignRequest": "give options by name, design(log, target=...)", "Scaling": "or give range_degC=(low, high)",
+    "str": "", "Path": "", "None": "",
+} | dict.fromkeys(("TuneSettings", "FitSettings", "ReadSettings", "ValidateSettings", "Conditions"), _BY_NAME)
+_MEMBERS: Final[Mapping[str, set[str]]] = {
+    "HeaterModel": {"Fopdt", "TwoLag"}, "None": {"NoneType"}, "Path": {"PurePath"}}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,6 +107,9 @@ class Option:
             return
         if self.choices and value not in self.choices:
             raise UnknownName(called.replace("_", " "), str(value), self.choices)
+        of_kind, rule = _KINDS.get(self.kind, (object, ""))
+        if not isinstance(value, of_kind) and not ("column" in self.name and isinstance(value, int)):
+            raise OutOfRange(called, value, rule)
         if self.pair and not (isinstance(value, tuple) and len(value) == len(self.pair)):
             raise OutOfRange(called, value, "two numbers")
         if self.kind in (float, int) and not (isinstance(value, str) and value in self.or_text):
@@ -98,8 +118,8 @@ class Option:
 
     def spelled(self, value: Any) -> Any:
         """Return a value of Python as the command line would hold it: "PI" is pi, "auto" no number, a list a tuple."""
-        if isinstance(value, str):
-            return self._spelled_text(value)
+        if isinstance(value, str | os.PathLike):
+            return self._spelled_text(os.fspath(value))
         several = self.kind is tuple or ((self.pair or self.several) and isinstance(value, list) and len(value) > 1)
         return tuple(value) if several and isinstance(value, list) else value
 
@@ -286,10 +306,8 @@ def _demand_options(keywords: Iterable[str], *kinds: type, also: Iterable[str] =
         UnknownOption: the first of them; its text names the closest option, also by its flag's name.
     """
     known = {name: one.dest for kind in kinds for name, one in options_of(kind).items()}
-    for name in keywords:
-        if name not in known:
-            flagged = next((each for each, dest in known.items() if dest == name), None)
-            raise UnknownOption(name, (*known, *also), near=flagged)
+    demand_known([name for name in keywords if name not in known], [*known, *also],
+                 {dest: name for name, dest in reversed(known.items())})
 
 
 def split_options(keywords: Keywords, *kinds: type, also: Iterable[str] = ()) -> list[Keywords]:
@@ -301,7 +319,8 @@ def split_options(keywords: Keywords, *kinds: type, also: Iterable[str] = ()) ->
 def with_options(*kinds: type, own: Keywords | None = None) -> Callable[[_Verb], _Verb]:
     """Return a decorator that lists options in the signature and the help of a function with `**changed`.
 
-    An editor and mypy read them from `heatertune.keywords`; `help` and notebooks read what is set here.
+    An editor and mypy read them from `heatertune.keywords`; `help` and notebooks read what is set here. Arguments are
+    checked as by `checked_arguments`; to an error that names a flag, a note adds the option's name in Python.
 
     Args:
         kinds: the dataclasses of options.
@@ -316,11 +335,65 @@ def with_options(*kinds: type, own: Keywords | None = None) -> Callable[[_Verb],
         keywords = [inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default)
                     for name, default in defaults.items()]
         lines = "\n".join(_described(one) for one in options.values())
-        verb.__doc__ = f"{inspect.getdoc(verb)}\n\nOptions:\n{lines}"
-        verb.__signature__ = signature.replace(parameters=[*named, *keywords])  # type: ignore[attr-defined]  # inspect reads it
-        return verb
+        called = _noted(checked_arguments(verb), options)
+        called.__doc__ = f"{inspect.getdoc(verb)}\n\nOptions:\n{lines}"
+        called.__signature__ = signature.replace(parameters=[*named, *keywords])  # type: ignore[attr-defined]  # inspect reads it
+        return called
 
     return decorate
+
+
+def _noted(verb: _Verb, options: Mapping[str, Option]) -> _Verb:
+    """Return a function whose errors have a note of the names of options in Python, from their flags."""
+    names = {one.flag: name for name, one in options.items()}
+
+    @functools.wraps(verb)
+    def called(*arguments: Any, **keywords: Any) -> Any:
+        try:
+            return verb(*arguments, **keywords)
+        except InputError as problem:
+            flags = dict.fromkeys(re.findall(r"--[a-z][a-z-]*", str(problem)))
+            note = "; ".join(f"{flag} is {names[flag]} in Python" for flag in flags if flag in names)
+            if note and note not in getattr(problem, "__notes__", ()):
+                problem.add_note(note)
+            raise
+
+    return called  # type: ignore[return-value]  # of the same signature
+
+
+def checked_arguments(verb: _Verb) -> _Verb:
+    """Return a function that refuses a value of another stage in place of the one that an argument has to be.
+
+    Its annotations say what each argument may be; one of a class that `_WAYS` does not know is not checked.
+
+    Raises:
+        InputError: such a value; the error names the function that makes the right one.
+    """
+    annotations = {name: str(kinds).split(" | ") for name, kinds in verb.__annotations__.items() if name != "return"}
+    allowed = {name: kinds for name, kinds in annotations.items() if set(kinds) <= _WAYS.keys()}
+    names = list(inspect.signature(verb).parameters)
+
+    @functools.wraps(verb)
+    def called(*arguments: Any, **keywords: Any) -> Any:
+        for name, value in (*zip(names, arguments, strict=False), *keywords.items()):
+            if name in allowed and not _is_of(value, allowed[name]):
+                raise InputError(_refusal(verb.__name__, name, value, allowed[name]))
+        return verb(*arguments, **keywords)
+
+    return called  # type: ignore[return-value]  # of the same signature
+
+
+def _refusal(verb: str, name: str, value: object, kinds: Sequence[str]) -> str:
+    ways = "; ".join(filter(None, (_WAYS[kind].format(verb=verb) for kind in kinds)))
+    if name == "read":  # whose options the function does not have
+        ways = "heatertune.ReadSettings(name=value) is one"
+    got = repr(value) if isinstance(value, str | None) else f"of type {type(value).__name__}"
+    return f"{verb}: {name} is {got}; expected {' or '.join(kinds)}{f': {ways}' if ways else ''}"
+
+
+def _is_of(value: object, kinds: Iterable[str]) -> bool:
+    return not {name for kind in kinds for name in _MEMBERS.get(kind, {kind})}.isdisjoint(
+        each.__name__ for each in type(value).__mro__)
 
 
 def _described(entry: Option) -> str:

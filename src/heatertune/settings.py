@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from heatertune.codec import register_schema
-from heatertune.errors import OutOfRange
-from heatertune.options import option, validate_options
+from heatertune.errors import InputError, OutOfRange
+from heatertune.options import option, options_of, validate_options
 
 __all__ = [
     "RECORD_SCHEMA", "STEP_POWER_PCT", "AsLeftSettings", "Conditions", "FeedForwardSettings", "FitSettings",
     "ReadSettings", "RecordSettings", "SampleSettings", "SensorSettings", "TuneSettings", "ValidateSettings",
-    "WordSettings",
+    "WordSettings", "refuse_unused_limits",
 ]
 
 
@@ -218,6 +218,19 @@ class TuneSettings:
     def __post_init__(self) -> None:
         validate_options(self)
         object.__setattr__(self, "method", str(self.method).lower())
+
+
+def refuse_unused_limits(settings: TuneSettings) -> None:
+    """Refuse limits and costs that a user states for a rule, which does not look at them.
+
+    Raises:
+        InputError: one of them differs from its default.
+    """
+    stated = [one.flag for name, one in options_of(TuneSettings).items()
+              if name in ("objective", "weight", "mt", "mks", "ms") and getattr(settings, name) != one.default]
+    if stated and settings.method != "optimum":
+        raise InputError(f"the rule {settings.method} does not look at {' and '.join(stated)}: leave that out, or "
+                         "leave out --method for the optimum")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

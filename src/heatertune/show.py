@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from heatertune.codec import to_json
-from heatertune.errors import InputError
+from heatertune.errors import InputError, closest
 from heatertune.writing import write_files
 
 if TYPE_CHECKING:
@@ -35,6 +35,25 @@ def run_by(who: Runner) -> None:
 def runner() -> Runner:
     """Return who makes words run."""
     return _runners[-1]
+
+
+#: what a part of a heater or a controller is called in formulas and in other programs → how its attribute begins
+_SYMBOLS: Final[Mapping[str, str]] = dict.fromkeys(("k", "kp", "kc", "gain"), "gain_") | dict.fromkeys(
+    ("tn", "ti", "integral"), "integral_time") | dict.fromkeys(("tv", "td", "derivative"), "derivative_time") | (
+    dict.fromkeys(("ta", "ts", "dt"), "sample_time") | dict.fromkeys(("tau", "t", "t1"), "time_constant")) | (
+    dict.fromkeys(("l", "theta", "delay", "deadtime"), "dead_time"))
+
+
+def _meant(value: Any, name: str) -> str | None:
+    """Return the attribute or the parameter of a value that a name is near to; None if there is none."""
+    if name in (value.values if hasattr(type(value), "values") else ()):
+        return f"values[{name!r}]"
+    of_model = dir(value.model) if hasattr(type(value), "model") else []
+    names = [each for each in (*dir(value), *(f"model.{part}" for part in of_model))
+             if not each.startswith(("_", "model._"))]
+    symbol = _SYMBOLS.get(name.lower(), " ")
+    begun = (each for each in names if each.removeprefix("model.").startswith(symbol))
+    return next(begun, None) or closest(name, names)
 
 
 class Artist(Protocol):
@@ -64,6 +83,14 @@ class NotebookDisplay:
     """A value that a notebook shows as a small table and a picture."""
 
     __slots__ = ()
+
+    if not TYPE_CHECKING:  # for a type checker, a value has only its own attributes
+
+        def __getattr__(self, name):
+            """Refuse an attribute that the value does not have, with the one that was meant."""
+            meant = None if name.startswith("_") else _meant(self, name)
+            raise AttributeError(f"{type(self).__name__} has no attribute {name!r}"
+                                 f"{f': did you mean {meant}?' if meant else ''}", name=name, obj=self)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the value's picture.

@@ -10,6 +10,7 @@ import math
 import operator
 import re
 from dataclasses import dataclass
+from numbers import Real
 from typing import Final
 
 from heatertune.errors import InputError, OutOfRange, did_you_mean
@@ -66,6 +67,8 @@ def check(field: str, value: float, *, above: float | None = None, least: float 
     Raises:
         OutOfRange: it is not a number, infinite, beyond `LARGEST`, or breaks a bound.
     """
+    if not isinstance(value, float | int | Real):
+        raise OutOfRange(field, value, "a number")
     if isinstance(value, float):
         _check_size(field, value, above=above, infinite=infinite)
     rules = [

@@ -61,6 +61,11 @@ MISTAKES = [
     ('design table4 --target weg --structure P+I', "unknown value 'P+I'"),
     ('design table4 --target weg --method simk', "did you mean 'simc'?"),
     ('design table4 --target weg --method ziegler', "did you mean 'ziegler-nichols'?"),
+    ('design table4 --target weg --method simc --ms 1.3', 'the rule simc does not look at --ms: leave that out, or leave out --method'),
+    ('design table4 --target weg --method lambda --mt 1.2 --objective iae', 'does not look at --objective and --mt'),
+    ('tune --gain 0.4 --time-constant 167 --dead-time 12 --method simc --ms 1.3', 'does not look at --ms'),
+    ('design table4 --target weg --out oven.csv/new', '--out oven.csv/new: '),
+    ('design https://example.org/log.csv --target weg', 'an address; expected a file: download it first'),
     ('design table4 --target weg --method simc --robust p95', 'has no limits to keep'),
     ('design table4 --target weg --objective iaee', 'did you mean iae?'),
     ('design table4 --target weg --robust p99', 'did you mean p95?'),
@@ -234,3 +239,9 @@ def test_a_folder_that_is_no_design_is_not_written_into_unasked(run, tmp_path):
     (tmp_path / "oven").mkdir()
     status, _, err = run("design", "oven.csv", "--target", "weg")
     assert (status, err) == (2, "error: oven: there already, and no design: name a folder with --out\n")
+
+
+def test_the_folder_of_a_design_is_verified_by_its_parameters(run, tmp_path):
+    (tmp_path / "oven" / "data").mkdir(parents=True)
+    (tmp_path / "oven" / "data" / "words.json").write_text('{"schema": "heatertune/words/2"}', encoding="utf-8")
+    assert run("verify", "oven")[::2] == (2, "error: oven/data/words.json: target: is missing\n")

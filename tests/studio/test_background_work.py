@@ -2,6 +2,7 @@
 
 import asyncio
 import threading
+from types import SimpleNamespace
 
 import pytest
 
@@ -301,3 +302,23 @@ def test_what_cannot_be_designed_is_told_and_can_be_tried_again(work, monkeypatc
 
     asyncio.run(story())
     assert len(tried) == 2
+
+
+def test_a_loop_that_is_not_compiled_yet_says_why_the_page_waits(monkeypatch):
+    # once the page stayed grey for minutes without a word when klipper was first chosen
+    monkeypatch.setattr(module, "_SLOW_S", 0.0)
+    work, said = module.Work(module.Session()), []
+
+    async def wait():
+        shown = asyncio.Event()
+
+        async def loop():
+            await shown.wait()
+            return "the loop"
+
+        work.follow(SimpleNamespace(show_progress=lambda: (said.append(work.busy), shown.set())))
+        return await work._slowly(loop(), "klipper")
+
+    assert asyncio.run(wait()) == "the loop"
+    assert said == ["running klipper, whose loop is not compiled yet…"]
+    assert work.busy == ""

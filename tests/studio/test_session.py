@@ -312,6 +312,20 @@ def test_a_folder_is_opened_with_its_very_design_and_what_moving_a_setting_would
     assert found.gains() is None, "quick ones for other settings"
 
 
+@pytest.mark.parametrize("typed", [None, 7.0])
+def test_the_interval_of_a_folder_belongs_to_its_controller_and_a_typed_one_to_all(tmp_path, typed):
+    _written(tmp_path, DESIGN, DesignProvenance(target="s5-ob251", conditions=Conditions(setpoint_degC=45.0)))
+    found = Session()
+    found.load(read_source(str(tmp_path)))
+    if typed is not None:
+        found.change(sample_time_s=typed)
+    shown = []
+    for target in ("klipper", "weg", "s5-ob251"):
+        found.change(target=target)
+        shown.append(found.settings.sample_time_s)
+    assert shown == [typed, typed, typed or DESIGN.sample_time_s]
+
+
 def test_a_range_of_setpoints_has_no_place_on_the_page_and_that_is_told(tmp_path):
     _written(tmp_path, DESIGN, DesignProvenance(target="s5-ob251", conditions=Conditions(setpoint_degC=(40.0, 50.0))))
     source = read_source(str(tmp_path))

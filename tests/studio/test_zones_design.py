@@ -163,4 +163,7 @@ def test_a_folder_of_zones_is_shown_as_it_was_designed(design, tmp_path):
     work = Work(Session())
     assert work.load_zones(str(tmp_path))
     assert (work.zones.proof.words, work.zones.proof.verdict) == (design.proof.words, "PASS")
+    # once the page showed the controller, the structure and the range that it begins with
+    assert (work.session.settings.target, work.session.settings.structure) == (design.proof.words[0].target, design.proof.design.structure)
+    assert work.session.settings.scaling == design.proof.words[0].scaling
     assert not work.load_zones("table4")

@@ -28,6 +28,7 @@ from heatertune.model import model_document
 from heatertune.model.model_document import ModelView
 from heatertune.model.model_values import FittedModel
 from heatertune.model.statistics import Interval
+from heatertune.options import checked_arguments
 from heatertune.pid import design_document as pid_document
 from heatertune.pid.design_document import PidView
 from heatertune.pid.design_values import PidDesign
@@ -188,6 +189,7 @@ class WordsValues:
     boost: Boost | None
 
 
+@checked_arguments
 def load(path: str | Path) -> Log | FittedModel | PidDesign | Words | ProofView:
     """Return the value of a JSON file: of `save`, or of a command.
 
@@ -228,7 +230,8 @@ def rows(value: object) -> list[dict[str, Any]]:
             return [{"parameter": name, "value": getattr(value.model, name), "low": None if ci95 is None else ci95.low,
                      "high": None if ci95 is None else ci95.high} for name, ci95 in _intervals(value)]
         case PidDesign():
-            return [{name: part for name, part in to_dict(value).items() if not isinstance(part, list | dict)}]
+            document = {**to_dict(value), "schema": []}
+            return [{name: part for name, part in document.items() if not isinstance(part, list | dict)}]
         case Words():
             its = controller_for(value.target).fields
             return [{"parameter": each.name, "address": each.address, "value": value.values[each.name],

@@ -19,7 +19,7 @@ from heatertune.model.model_values import FittedModel, HeaterModel
 from heatertune.model.power.known_controller import replay_controller
 from heatertune.model.validate import Verdict
 from heatertune.model.validate import validate as judge
-from heatertune.options import with_options
+from heatertune.options import checked_arguments, with_options
 from heatertune.pid import sampled_loop as robustness
 from heatertune.pid.design_values import Margins, PidDesign
 from heatertune.pid.sampled_loop import iae_load as load_iae
@@ -110,11 +110,13 @@ def validate(
     return replace(verdict, notes=(note, *verdict.notes))
 
 
+@checked_arguments
 def controller(words: Words, **switches: str) -> RunningController:
     """Return `words.controller(**switches)`."""
     return words.controller(**switches)
 
 
+@checked_arguments
 def margins(heater: HeaterModel | FittedModel, what: PidDesign | Words) -> Margins:
     """Return Ms, Mt, gain and phase margin of the sampled loop; Ms and Mt are infinite if it is unstable.
 
@@ -128,6 +130,7 @@ def margins(heater: HeaterModel | FittedModel, what: PidDesign | Words) -> Margi
     return robustness.margins(_model(heater), _design(what))
 
 
+@checked_arguments
 def iae_load(heater: HeaterModel | FittedModel, what: PidDesign | Words) -> float:
     """Return the integral of the absolute error after a load step of 1 % power in the linear loop [°C·s].
 
@@ -136,6 +139,7 @@ def iae_load(heater: HeaterModel | FittedModel, what: PidDesign | Words) -> floa
     return load_iae(_model(heater), _design(what))
 
 
+@checked_arguments
 def decode(words: Words) -> PidDesign:
     """Return the design that words really run.
 
@@ -149,6 +153,7 @@ def decode(words: Words) -> PidDesign:
     return design
 
 
+@checked_arguments
 def simulate(
     words: Words, heater: HeaterModel | FittedModel, scenario: Scenario | float, actuator: Actuator | None = None, *,
     switches: Mapping[str, str] | None = None, interlock: Interlock | None = None,

@@ -32,7 +32,7 @@ from heatertune.model.disturbance import DisturbanceEffect
 from heatertune.model.loss_curve import for_setpoints
 from heatertune.model.model_document import from_document, read_model
 from heatertune.model.model_values import FittedModel
-from heatertune.options import Keywords, merge_options, split_options, with_options
+from heatertune.options import Keywords, checked_arguments, merge_options, split_options, with_options
 from heatertune.pid import design_document as pid_document
 from heatertune.pid.design_document import DesignProvenance
 from heatertune.pid.design_values import PidDesign
@@ -378,6 +378,7 @@ def _shown(
     return files, _without_comparison(log, fitted, result.ideal, proof, files, search, result.recipe, second)
 
 
+@checked_arguments
 def write_report(
     log: Log, fitted: FittedModel, ideal: PidDesign, proof: Proof, out: str | Path, *, force: bool = False
 ) -> list[Path]:

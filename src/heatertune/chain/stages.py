@@ -15,7 +15,7 @@ from heatertune.log.read import log_of
 from heatertune.model import model_document
 from heatertune.model.circumstances import pool_candidates
 from heatertune.model.model_values import FittedModel
-from heatertune.options import Keywords, merge_options, split_options, with_options
+from heatertune.options import Keywords, checked_arguments, merge_options, split_options, with_options
 from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Scaling, Words, controller_for
 from heatertune.plc.design import encode as round_words
@@ -221,6 +221,7 @@ def encode(
     return choose_words(design, target, fitted, scaling=scaling, way=words_by).words
 
 
+@checked_arguments
 def export(words: Words, proof: Proof, *, force: bool = False) -> dict[str, str | bytes]:
     """Return the export files of proven words, name → content.
 

@@ -27,6 +27,7 @@ from heatertune.settings import (
     SensorSettings,
     TuneSettings,
     WordSettings,
+    refuse_unused_limits,
 )
 from heatertune.units import check
 
@@ -368,9 +369,9 @@ def demand_folder(path: str | Path) -> None:
         InputError: a file of that name, or a folder that the user may not write.
     """
     folder = Path(path)
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"--out {path}: a file; expected a folder")
     there = next(each for each in (folder, *folder.absolute().parents) if each.exists())
+    if not there.is_dir():
+        raise InputError(f"--out {path}: {'' if there == folder else f'{there} is '}a file; expected a folder")
     if not os.access(there, os.W_OK):
         raise InputError(f"--out {path}: {there} cannot be written")
 
@@ -407,6 +408,7 @@ def design_request(settings: argparse.Namespace) -> DesignRequest:
 
     by, tuning = options.of(WordSettings, settings), options.of(TuneSettings, settings)
     refuse_contradictions(tuning)
+    refuse_unused_limits(tuning)
     return DesignRequest(
         target=target(settings), tune_settings=tuning,
         scaling=scaling(settings) if options.provided_options(SensorSettings, settings) else None,

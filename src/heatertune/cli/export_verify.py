@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from heatertune import chain, options, plc, report
 from heatertune.cli import common, printing
 from heatertune.cli.command_table import write_records
-from heatertune.cli.saved_design import ProofSource, proof_source, redesign_command, target_in
+from heatertune.cli.saved_design import ProofSource, parameters_file, proof_source, redesign_command, target_in
 from heatertune.codec import DATA, data_folder, to_json
 from heatertune.errors import DocumentError, ExportRefused, InputError
 from heatertune.settings import AsLeftSettings, FeedForwardSettings, ReadSettings, RecordSettings, SampleSettings
@@ -34,7 +34,8 @@ def add_verify(commands: Any) -> None:
         "verify", help="prove a design or parameters; exit status 1 if the verdict is not PASS", epilog=VERIFY_EXAMPLE,
         description="Simulate the closed loop with the PLC's own arithmetic on every plausible heater and judge it.",
     )
-    command.add_argument("pid", metavar="PID|WORDS", help="pid.json of tune, or words.json of export-db")
+    command.add_argument("pid", metavar="PID|WORDS",
+                         help="pid.json of tune, words.json of export-db, or the folder of a design")
     common.add_word_options(command, "words_by", "setpoint_ramp", "boost")
     common.add_proof_options(command, needed=False)
     common.add_model_options(command)
@@ -47,6 +48,7 @@ def _run_verify(settings: argparse.Namespace) -> int:
     from heatertune.proof.verdict import verdict_first, verdict_line
 
     progress = printing.Progress(settings)
+    settings.pid = parameters_file(settings.pid)
     settings.target = settings.target or target_in(settings.pid)
     asked, drawn = proof_source(settings), options.of(SampleSettings, settings)
     fitted, conditions = asked.fitted_model, asked.conditions

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 from heatertune import options, plc
 from heatertune.cli import common
 from heatertune.cli.common import again
-from heatertune.codec import peek_schema, read_document
+from heatertune.codec import data_folder, peek_schema, read_document
 from heatertune.errors import InputError
 from heatertune.options import Option, options_of
 from heatertune.plc import NAMES
@@ -27,8 +28,8 @@ if TYPE_CHECKING:
     from heatertune.plc import Words
     from heatertune.plc.word_selection import WordChoice
 
-__all__ = ["ProofSource", "add_known_options", "controller_words", "in_force", "proof_source", "redesign_command",
-           "target_in"]
+__all__ = ["ProofSource", "add_known_options", "controller_words", "in_force", "parameters_file",
+           "proof_source", "redesign_command", "target_in"]
 
 
 def add_known_options(command: argparse.ArgumentParser) -> None:
@@ -140,6 +141,14 @@ def _model_of_words(settings: argparse.Namespace) -> tuple[FittedModel, tuple[st
     return common.model_from(settings, str(sources[0])), (f"Proven on the heaters of {sources[0]}{also}.",)
 
 
+def parameters_file(path: str) -> str:
+    """Return the file of parameters of a design's folder; a file, or what is none, as it is."""
+    with suppress(OSError, ValueError):
+        if Path(path).is_dir():
+            return str(data_folder(path) / "words.json")
+    return path
+
+
 def target_in(path: str) -> str:
     """Return the controller that a saved design or parameters are for.
 
@@ -151,7 +160,9 @@ def target_in(path: str) -> str:
 
     schema = peek_schema(path)
     if schema == WORDS_SCHEMA:
-        return str(read_document(path, WORDS_SCHEMA).get("target"))
+        if (target := read_document(path, WORDS_SCHEMA).get("target")) is None:
+            raise InputError(f"{path}: target: is missing")
+        return str(target)
     recipe = read_design(path)[2] if schema in (SCHEMA, None) else None
     if recipe is None or not recipe.target:
         raise InputError(f"{path} names no controller: add --target NAME (see: heatertune targets)")

@@ -16,7 +16,15 @@ from heatertune.cli.common import again
 from heatertune.cli.saved_design import in_force
 from heatertune.codec import DATA, plain, to_json
 from heatertune.errors import InputError
-from heatertune.settings import Conditions, FitSettings, SampleSettings, SensorSettings, TuneSettings, WordSettings
+from heatertune.settings import (
+    Conditions,
+    FitSettings,
+    SampleSettings,
+    SensorSettings,
+    TuneSettings,
+    WordSettings,
+    refuse_unused_limits,
+)
 from heatertune.writing import write_files
 
 if TYPE_CHECKING:
@@ -171,6 +179,7 @@ def _plain(settings: argparse.Namespace, fitted: FittedModel, progress: printing
     if by_words and settings.target is None:
         raise InputError("--sample-time words needs --target: the words are its own")
     asked = options.of(TuneSettings, settings)
+    refuse_unused_limits(asked)
     proven_later = settings.target is not None or _proof_asked(settings)
     tuned = tune_settings_for(asked, common.conditions(settings)) if proven_later else asked
     find = partial(tune_for_words if by_words else chain.tune, target=settings.target, progress=progress)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import socket
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from importlib import import_module
 from pathlib import Path
 from selectors import EVENT_READ, DefaultSelector
@@ -13,7 +13,7 @@ from threading import Thread
 from typing import Any, Final
 
 from heatertune.codec import data_folder
-from heatertune.errors import InputError, OutOfRange, UnknownName
+from heatertune.errors import InputError, OutOfRange, UnknownName, demand_known
 from heatertune.live.client.connection import LIBRARIES, ClosesOnExit, demand_library
 from heatertune.live.controller_block import SERVED, ServedBlock, block_for
 from heatertune.live.plc import LINK, Pace, ScheduledFault, VirtualPlant, VirtualPlc, fault_of, plan_for
@@ -337,9 +337,11 @@ def virtual_plc(
     Raises:
         InputError: a protocol whose library is not installed, a port that is taken, a controller that is not served,
             no heater; as `Simulation` and `heatertune.live.plc.plan_for`.
+        UnknownOption: a keyword that is no field of `Simulation`.
         DocumentError: the folder has not what `design` writes.
         OutOfRange, UnknownName: likewise.
     """
+    demand_known(changed, [each.name for each in fields(Simulation)])
     given = replace(settings or Simulation(), **_tuples(changed))
     for protocol in given.serve:
         demand_library(protocol)  # before anything is made

@@ -428,6 +428,8 @@ def _content(path: Path, content: bytes | None) -> bytes:
     try:
         return read_bytes(path) if content is None else content
     except OSError as problem:
+        if re.match(r"(https?|ftp|s3):/", str(path)):
+            raise LogError("an address; expected a file: download it first", file=path) from problem
         raise LogError(f"cannot be read: {problem.strerror}", file=path) from problem
 
 

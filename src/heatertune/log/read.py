@@ -416,7 +416,7 @@ def _late_s(time: Array, power: Array, alone: Mask, interval_s: float) -> float:
 
 def _handed(source: Any) -> tuple[str, bytes]:
     """Return name and content of an open file, or of a table of pandas as a file would hold it."""
-    if hasattr(source, "to_csv"):
+    if hasattr(source, "to_csv") and hasattr(source, "columns"):
         return "frame", _csv(source)
     if not hasattr(source, "read"):
         raise InputError(f"not a log: {type(source).__name__}; expected a path, an open file, or a pandas table")
@@ -658,7 +658,7 @@ def log_of(data: Log | str | Path | IO[Any] | DataFrame | tuple[npt.ArrayLike, .
     """
     if isinstance(data, Log):
         return data
-    if isinstance(data, str | Path) or hasattr(data, "read") or hasattr(data, "to_csv"):
+    if isinstance(data, str | Path) or hasattr(data, "read") or hasattr(data, "columns"):
         return read_log(data)
     if not isinstance(data, tuple) or not 2 <= len(data) <= 3:
         raise InputError(f"not a log: {type(data).__name__}; expected a log, a path, an open file, a pandas table, or "

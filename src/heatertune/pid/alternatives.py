@@ -9,9 +9,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from heatertune.errors import InputError, OutOfRange
+from heatertune.errors import InputError, OutOfRange, demand_known
 from heatertune.model.model_values import FittedModel
 from heatertune.model.reduction import cools, mirror_heater
+from heatertune.options import checked_arguments
 from heatertune.pid.continuous_optimum import ContinuousProblem, assess_design, optimum
 from heatertune.pid.continuous_optimum import margins as continuous_margins
 from heatertune.pid.design_values import PidDesign
@@ -27,10 +28,12 @@ __all__ = ["SCHEMA", "alternatives", "front"]
 
 
 _MOST_POINTS: Final = 1000
+_KEYWORDS: Final = ("structure", "ms_low", "ms_high", "points", "sample_time_s", "progress")
 
 SCHEMA = "heatertune/pareto/1"
 
 
+@checked_arguments
 def front(
     fitted: FittedModel, *, structure: str = "pi", ms_low: float = 1.2, ms_high: float = 2.0, points: int = 9,
     sample_time_s: float | None = 0.0, progress: Callable[[str], object] = str, **specs: Any,
@@ -51,11 +54,13 @@ def front(
         specs: further settings of `Specs`: mt, mks, objective, weight.
 
     Raises:
+        UnknownOption: another keyword.
         OutOfRange: limits that are not in order, fewer than two points, a P controller (it has no load IAE).
         InputError: as `heatertune.pid.tune.tune`.
     """
     if structure not in ("pi", "pid"):
         raise OutOfRange("structure", structure, "pi or pid: the offset of a P controller has an infinite cost")
+    demand_known(specs, [*_KEYWORDS, *(set(Specs.__dataclass_fields__) - {"ms"})], {"ms": "ms_high"})
     points = whole("points", points, least=2, most=_MOST_POINTS)
     if not ms_low < ms_high:
         raise OutOfRange("ms_low", ms_low, f"< ms_high = {ms_high:g}")
@@ -106,6 +111,7 @@ def _row(fitted: FittedModel, structure: str, specs: Specs, sample_time_s: float
     }
 
 
+@checked_arguments
 def alternatives(fitted: FittedModel, design: PidDesign) -> list[dict[str, Any]]:
     """Return a table of the design and every rule, all with the structure, TA and derivative filter of the design.
 

@@ -48,8 +48,8 @@ if TYPE_CHECKING:
     from heatertune.keywords import TuneOptions
 
 __all__ = [
-    "METHODS", "STRUCTURES", "assessed_sampled", "quick_tune", "refuse_contradictions", "settle", "stated_problem",
-    "tune",
+    "METHODS", "STRUCTURES", "assessed_sampled", "quick_tune", "refuse_contradictions", "settle",
+    "stated_problem", "tune",
 ]
 
 

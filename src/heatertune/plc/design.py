@@ -18,7 +18,7 @@ from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Scaling, Words, controller_for
 from heatertune.plc.targets import target_by_name
 from heatertune.processors import ProgressCallback, log_progress
-from heatertune.settings import SensorSettings, TuneSettings
+from heatertune.settings import SensorSettings, TuneSettings, refuse_unused_limits
 
 if TYPE_CHECKING:
     from typing import Unpack
@@ -59,6 +59,7 @@ def tune(
     named = ("settings", "target", "scaling", "progress")
     tuning, sensing = split_options(changed, TuneSettings, SensorSettings, also=named)
     asked, fitted = merge_options(TuneSettings, settings, tuning), fitted_model_of(fitted)
+    refuse_unused_limits(merge_options(TuneSettings, None, tuning))  # of the user, not of a search
     target = None if target is None else target_by_name(target)
     scaling = stated_scaling(target, scaling, sensing)
     held: dict[str, Any] = {}

@@ -13,6 +13,7 @@ from typing import Any
 
 from heatertune.errors import NotRepresentable
 from heatertune.model.model_values import FittedModel, Fopdt, model_by_hand
+from heatertune.options import checked_arguments
 from heatertune.pid.design_document import DesignProvenance
 from heatertune.pid.design_values import PidDesign
 from heatertune.pid.sampled_loop import margins
@@ -49,6 +50,7 @@ SCHEMA = "heatertune/compare/2"
 _NAMES = ("overshoot", "settling_time", "steady_offset", "recovery_time", "iae")
 
 
+@checked_arguments
 def compare(
     ideal: PidDesign, fitted: FittedModel, conditions: Conditions | None = None, *, scaling: Scaling | None = None,
     recipe: DesignProvenance | None = None, first_look: bool = False, progress: ProgressCallback = str,

@@ -592,7 +592,8 @@ def _judged_after(
     before, power = {result.label: result.criteria for result in results}, runs.mains_power
 
     def judged(night: LongOutage, only: Sequence[Run]) -> list[tuple[Run, tuple[Criterion, ...]]]:
-        again = runs.again(night.scenario, only, replace(coverage, progress=str))
+        again = runs.again(night.scenario, only, replace(
+            coverage, progress=lambda message: coverage.progress(f"{message} after longer outages")))
         return [((name, switches, power), night.compare(criteria, before[again.label(number)]))
                 for number, ((name, _, switches), criteria) in enumerate(zip(
                     again.cases, again.judge_all(), strict=True))]

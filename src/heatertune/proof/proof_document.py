@@ -339,6 +339,11 @@ class ProofView:
     mains: tuple[MainsScenario, ...] = field(default=(), metadata=LEFT_OUT)
     digest: str
 
+    def __repr__(self) -> str:
+        """Return verdict, controller, setpoint and number of runs in one line."""
+        return (f"<ProofView {self.verdict} of {self.target} at {self.scenario.setpoint_degC:g} °C in "
+                f"{len(self.runs)} runs>")
+
     def demand_whole(self, where: str | Path) -> None:
         """Refuse a proof that lacks criteria, or says what does not follow from its values.
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from heatertune.arrays import Array
 from heatertune.codec import plain
+from heatertune.errors import InputError
 from heatertune.log.log_values import Log
 from heatertune.model import model_document
 from heatertune.model.model_values import FittedModel
@@ -102,7 +103,8 @@ def _log_pictures(value: Log) -> Sequence[Panel]:
 def _model_pictures(value: FittedModel) -> Sequence[Panel]:
     left = value.residuals
     if left is None:
-        raise ValueError("a model given by hand has no log to be drawn beside")
+        raise InputError("a model given by hand has no log to draw; design.plot() and proof.plot() draw what comes of "
+                         "it")
 
     def paint(ax: Axes) -> None:
         time, measured, simulated = thinned(left.time_s, left.measured_degC, left.simulated_degC)

@@ -11,7 +11,7 @@ import io
 import logging
 import time
 import zipfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Coroutine, Mapping, Sequence
 from contextlib import suppress
 from typing import Any, Final, Protocol
 
@@ -176,6 +176,7 @@ def _line(name: str, time_s: Sequence[float], values: Sequence[float], document:
 
 _FRAME_S: Final = 0.03  # in which a browser draws the loop before more is sent
 _REST_S: Final = 0.15  # a slider that moves on within this time wants no proof yet
+_SLOW_S: Final = 2.0  # a compiled loop takes less
 _SEEK_S: Final = 1.0  # who looks at a FAIL for so long may want to know what would pass
 _TICK_S: Final = 0.2  # between two looks at how far something is, each of which a browser draws
 _LIVE_S: Final = 0.5  # between two pictures of a loop that is being recorded
@@ -283,14 +284,18 @@ class Work:
             await self.look()
 
     async def open(self, source: str) -> None:
-        """Read a path or built-in table and fit it."""
+        """Read a path or built-in table and fit it; a folder has its heater, settings and design."""
         try:
-            log = (await asyncio.to_thread(read_source, source)).log
+            found = await asyncio.to_thread(read_source, source)
         except HeatertuneError as problem:
             self.session.refuse_file(problem)
             self.tell()
             return
-        await self._fit(log)
+        if found.fitted is None:
+            await self._fit(found.log)
+        else:
+            self.session.load(found)
+            await self.look()
 
     async def take(self, log: Log, settings: FitSettings) -> None:
         """Fit a log with what is known beside it."""
@@ -338,7 +343,7 @@ class Work:
             while not session.show_remembered():
                 ticket, fitted, settings, gains = session.ticket, session.fitted, session.settings, session.gains()
                 try:
-                    look = await asyncio.to_thread(first_look, fitted, settings, gains)
+                    look = await self._slowly(asyncio.to_thread(first_look, fitted, settings, gains), settings.target)
                 except Exception as problem:
                     if session.look_refused(ticket, self._kind(problem)):
                         break
@@ -354,6 +359,16 @@ class Work:
         self.tell()
         await self._prove()
         await self._seek()
+
+    async def _slowly(self, work: Coroutine[Any, Any, LoopView], target: str) -> LoopView:
+        """Return the loop of a controller; where its code is not compiled yet, say why the page waits."""
+        task = asyncio.ensure_future(work)
+        if not (await asyncio.wait([task], timeout=_SLOW_S))[0]:
+            self.busy = f"running {target}, whose loop is not compiled yet…"
+            self._each(lambda page: page.show_progress())
+            await asyncio.wait([task])
+            self.busy = ""
+        return task.result()
 
     async def _prove(self) -> None:
         """Prove what waits, one at a time, once the sliders rest; what nobody waits for any more is left."""
@@ -508,6 +523,10 @@ class Work:
         if zones:
             self.take_zones(files, zones)
             self.zones = design
+        if design is not None:
+            words, scaling = design.proof.words[0], design.proof.words[0].scaling
+            self.session.change(target=words.target, structure=design.proof.design.structure, input=scaling.input,
+                                low_degC=scaling.low_degC, high_degC=scaling.high_degC)
         return bool(zones)
 
     def take_zones(self, files: Sequence[tuple[str, bytes]], zones: tuple[str, ...]) -> None:

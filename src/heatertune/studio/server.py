@@ -37,6 +37,10 @@ _POLL_S: Final = 0.02  # between two questions whether a search has ended
 _NICER: Final = 5  # by so much searches give way to the page
 
 
+#: controllers with the most scans, of which a run that is not compiled takes longest
+_LONGEST: Final = ("klipper", "marlin", "weg")
+
+
 def serve(source: str | None, *, port: int | None, browser: bool) -> None:
     """Serve the studio until it is interrupted.
 
@@ -56,7 +60,7 @@ def serve(source: str | None, *, port: int | None, browser: bool) -> None:
     port, token = _free(port), new_token()
     app.add_middleware(Gate, token=token, port=port)
     app.on_startup(lambda: background_tasks.create(_tell(port, token)))
-    targets = list(dict.fromkeys([session.settings.target, *TARGETS]))
+    targets = list(dict.fromkeys([session.settings.target, *_LONGEST, *TARGETS]))
     app.on_startup(lambda: background_tasks.create(warm(targets)))
 
     app.on_exception(work.fault)

@@ -225,6 +225,7 @@ class Session:
         self._drawn: dict[Ticket, tuple[Proof, Mapping[str, Any]]] = {}
         self._pins: list[tuple[str, LoopView, Ticket]] = []
         self._before: dict[str, Any] = {}
+        self._folder: tuple[str, float | None] = "", None
 
     def load(self, source: LogSource) -> None:
         """Begin with what a path holds; a log without its heater waits for the fit."""
@@ -235,12 +236,14 @@ class Session:
             self.file_error = source.as_left
             if source.outcome is not None:
                 self.settings = source.settings
+                self._folder = source.settings.target, source.settings.sample_time_s
                 self._taken.add(self.key)
                 self.take_design(self.key, source.outcome)
 
     def begin(self, log: Log, settings: FitSettings | None = None) -> int:
         """Take a new log; return the ticket of its fit. Heater and loop of the log before stay until it is done."""
         self._begun += 1
+        self._folder = "", None
         self.coming, self.known = log, settings or FitSettings()
         self.file_error = self.fault = ""
         return self._begun
@@ -278,13 +281,23 @@ class Session:
         """Move settings; one that is refused changes nothing and shows its error."""
         self.fault = ""
         if "target" in moved:  # what its manual leaves open is its own
-            moved = {"assumptions": ()} | moved
+            moved = {"assumptions": ()} | self._folder_interval(moved["target"]) | moved
+        if "sample_time_s" in moved and "target" not in moved:
+            self._folder = "", None  # typed
         try:
             self.settings = replace(self.settings, **moved)
         except HeatertuneError as problem:
             self.fail(problem)
         else:
             self.show_remembered()
+
+    def _folder_interval(self, target: str) -> dict[str, float | None]:
+        """Return TA as it changes with the controller: that of an opened folder belongs to the folder's controller."""
+        its, interval = self._folder
+        held = interval if self.settings.target == its else None
+        if interval is None or self.settings.sample_time_s != held:
+            return {}
+        return {"sample_time_s": interval if target == its else None}
 
     @property
     def ticket(self) -> Ticket:

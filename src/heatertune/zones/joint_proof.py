@@ -30,10 +30,21 @@ from heatertune.proof.verdict import FitDiagnostics
 from heatertune.settings import Conditions
 from heatertune.units import check
 from heatertune.zones.identify import FittedNetwork
-from heatertune.zones.joint_loop import JointTrace, ZoneEvent, ZoneLoop, offsets_for, residual_error_degC, run_zones
+from heatertune.zones.joint_loop import (
+    JointTrace,
+    PeakPower,
+    RunPhase,
+    ZoneEvent,
+    ZoneLoop,
+    offsets_for,
+    overshoot_criteria,
+    residual_error_degC,
+    run_zones,
+    tightest_degC,
+    zone_spread,
+)
 from heatertune.zones.joint_tuning import JOINT_MS, JointDesign
 from heatertune.zones.network import ThermalNetwork
-from heatertune.zones.run_figures import PeakPower, RunPhase, overshoot_criteria, tightest_degC, zone_spread
 
 __all__ = [
     "HOLDING_POWERS", "SPREAD_NAME", "JointCriterion", "JointProof", "ZoneSpecification", "prove_zones",
@@ -44,8 +55,7 @@ _DRAWN: Final = 6
 _STEP_DEGC: Final = 5.0
 _DEVIATION: Final = 0.4  # of a neighbour's setpoint change
 _DEVIATION_NAME: Final = "neighbour deviation [°C]"
-#: criterion of the zones that heat up together
-SPREAD_NAME: Final = "spread while heating up [°C]"
+SPREAD_NAME: Final = "spread while heating up [°C]"  # of all zones together
 _LOAD_PCT: Final = 20.0
 _DECAY: Final = 200.0  # the loop has settled where its slowest motion is so many times smaller
 _BEYOND: Final = 1.1  # times the logged rise that a setpoint may be above the ambient
