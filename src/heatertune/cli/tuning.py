@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from heatertune import chain, options, plc, report
 from heatertune.cli import common, printing
@@ -276,9 +276,16 @@ def _add_zones(group: Any) -> None:
     group.add_argument("--stagger", action="store_true", help="begin the PWM periods of the zones one after the other")
 
 
+_OF_ZONES: Final = ("zone_log", "zone_setpoints", "neighbours", "neighbour_deviation", "spread", "rated_power",
+                    "peak_power", "stagger")
+
+
 def _run_design(settings: argparse.Namespace) -> int:
     if settings.zones is not None:
         return design_zones(settings)
+    for name in _OF_ZONES:
+        if (value := getattr(settings, name)) is not None and value is not False and value != []:
+            raise InputError(f"--{name.replace('_', '-')}: for zones that are designed together; name them with --zones")
     from heatertune.chain.precompile import work_alongside
 
     settings.out = settings.out or _folder_of(settings.log)
