@@ -285,7 +285,7 @@ def _run_design(settings: argparse.Namespace) -> int:
         return design_zones(settings)
     for name in _OF_ZONES:
         if (value := getattr(settings, name)) is not None and value is not False and value != []:
-            raise InputError(f"--{name.replace('_', '-')}: for zones that are designed together; name them with --zones")
+            raise InputError(f"--{name.replace('_', '-')}: for zones designed together; name them with --zones")
     from heatertune.chain.precompile import work_alongside
 
     settings.out = settings.out or _folder_of(settings.log)
