@@ -52,7 +52,7 @@ def load_or_compute(
         inputs: all that decides the result, as JSON can hold it (arrays included).
         run: makes the document.
         read: gives the value of a document; raises HeatertuneError where it is none.
-        progress: told when a result is read instead of computed.
+        progress: called when a result is read instead of computed.
     """
     place = None if _unused.get() else folder()
     secret = None if place is None else _machine_secret()

@@ -21,6 +21,7 @@ MISTAKES = [
     ('tabel4', 'did you mean heatertune design table4 --target NAME?'),
     ('oven.csv', 'did you mean heatertune design oven.csv --target NAME?'),
     ('design --hlep', 'did you mean --help?'),
+    ('--versoin', "unknown option --versoin: did you mean --version?"),
     ('design', 'the following arguments are required: LOG, --target'),
     ('design table4', 'the following arguments are required: --target'),
     ('design --target weg', 'the following arguments are required: LOG'),

@@ -44,7 +44,7 @@ __all__ = [
 
 Row = dict[str, Any]
 
-#: told how many cases are done, and how many there are
+#: called with how many cases are done, and how many there are
 Progress = Callable[[int, int], object]
 
 #: cases of a chunk, as they are sent → their rows
@@ -392,7 +392,7 @@ def run(
         out: Parquet file. Beside it lies the folder of parts until it is written.
         workers: where the cases are done.
         resume: go on where a run of the same batch was stopped, however it was.
-        progress: told how many cases are done, and how many there are.
+        progress: called with how many cases are done, and how many there are.
 
     Returns:
         table (path), rows, outcomes (outcome → number, by name), examples (outcome → first rows: name, reason), and,

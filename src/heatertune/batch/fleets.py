@@ -236,7 +236,7 @@ def fleet(
         out: Parquet file; the meaning of every column is kept in it.
         workers: where the zones are done.
         resume: go on where a run with the same options was stopped; logs that have changed since are done again.
-        progress: told how many zones are done, and how many there are.
+        progress: called with how many zones are done, and how many there are.
 
     Raises:
         UnknownName: no such target.

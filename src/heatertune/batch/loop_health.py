@@ -117,7 +117,7 @@ def health(
         loops: list of the loops, see `read_list`, or what it says; None: each log is a loop of its name.
         since: table of an earlier run; each loop is told beside what it was then.
         resume: go on where a run was stopped.
-        progress: told how many loops are examined, and how many there are.
+        progress: called with how many loops are examined, and how many there are.
 
     Raises:
         InputError: no log, a list that is not right, no earlier table, documents of a design that are none; as

@@ -271,7 +271,7 @@ def study(
         out: Parquet file; a setting is the column ``case_<key>``, the meaning of every column is kept in the table.
         workers: where the cases are done.
         resume: go on where a run of the same study was stopped; cases whose files have changed since are done again.
-        progress: told how many cases are done, and how many there are.
+        progress: called with how many cases are done, and how many there are.
 
     Raises:
         DocumentError: as `read_study`; a log, model or specification that cannot be read.

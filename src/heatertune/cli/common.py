@@ -148,10 +148,12 @@ class CommandParser(argparse.ArgumentParser):
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Return the options of a command; one that it does not have is named before any that is missing."""
-        if not self._subparsers:
-            flags = tuple(flag for action in self._actions for flag in action.option_strings)
-            if (unknown := _unknown(args, flags)) is not None:
-                self.error(f"unknown option {unknown}{did_you_mean(unknown, flags)}")
+        flags = tuple(flag for action in self._actions for flag in action.option_strings)
+        words = list(takewhile(lambda word: word.startswith("-"), args)) if self._subparsers else args
+        if (unknown := _unknown(words, flags)) is not None:
+            meant = did_you_mean(unknown, flags)
+            if meant or not self._subparsers:  # what stands before the command may be an option of it
+                self.error(f"unknown option {unknown}{meant}")
         return super().parse_known_args(args, namespace)
 
     def error(self, message: str) -> NoReturn:

@@ -385,7 +385,7 @@ class Hold:
 
         Args:
             timeout_s: after which an answer is lost [s].
-            progress: told why this takes long.
+            progress: called with why this takes long.
             enough: asked between two looks whether somebody wants no more of them.
 
         Returns:

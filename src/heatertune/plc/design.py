@@ -48,7 +48,7 @@ def tune(
         settings: what is asked for; None: the defaults.
         target: the controller; None: any.
         scaling: sensor range; None: as `range_degC` and `input` say.
-        progress: told what begins.
+        progress: called with a few words as each step begins.
         changed: fields of `TuneSettings` that are other than in `settings`, and of `SensorSettings`.
 
     Raises:

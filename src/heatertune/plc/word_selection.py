@@ -183,7 +183,7 @@ def choose_words(
         fitted: the heater and its candidates.
         scaling: sensor range.
         way: one of `WAYS`.
-        progress: told what begins.
+        progress: called with a few words as each step begins.
 
     Raises:
         UnknownName: no such target or way.
@@ -240,7 +240,7 @@ def tune_for_words(
         settings: what is asked for; None: the defaults.
         target: the controller.
         scaling: sensor range.
-        progress: told what begins.
+        progress: called with a few words as each step begins.
 
     Raises:
         UnknownName, OutOfRange, InputError: as `tune`.

@@ -188,10 +188,10 @@ class Certificate:
         verdict: "PASS", "FAIL" or "NOT PROVEN".
         lines: one line per fact (models proven on, worst criterion, …); no date, no locale.
         forced: whether the words left although the verdict is not PASS.
-        setpoint_degC: what was proven [°C]; None: told nowhere.
-        actuator: the switch that was proven; the controller's own included; None: told nowhere.
-        specification: name of what was kept; None: told nowhere.
-        digest: of the proof's document; None: told nowhere.
+        setpoint_degC: what was proven [°C]; None: stated nowhere.
+        actuator: the switch that was proven; the controller's own included; None: stated nowhere.
+        specification: name of what was kept; None: stated nowhere.
+        digest: of the proof's document; None: stated nowhere.
         switches: switch → setting that the user knows of the controller, or has chosen.
         relaxed: which limits it kept are wider than their defaults, beginning "against relaxed limits"; "": none.
     """

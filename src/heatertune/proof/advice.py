@@ -209,7 +209,7 @@ def advise(
             setpoint is that of the log, too, None: as logged.
         log: the response; None: the one of the design's own proof.
         until_s: last instant of the log to look at [s]; None: up to a disturbance.
-        progress: told what begins.
+        progress: called with a few words as each step begins.
 
     Raises:
         InputError: a log without setpoint, and none is given.

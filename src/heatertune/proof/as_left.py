@@ -94,7 +94,7 @@ def foretold(
         proof: of the words.
         parts: what the trace shows.
         ambient_degC: temperature without power; None: as in the proof [°C].
-        progress: told how far the runs are.
+        progress: called with how far the runs are.
 
     Raises:
         InputError: other heaters than those of the proof, or as `heatertune.proof.simulate`.
@@ -334,7 +334,7 @@ def as_left(
         fitted: the heater they were proven on.
         proof: of the words.
         settings: what is known beside the trace; None: nothing.
-        progress: told how far the runs are.
+        progress: called with how far the runs are.
         changed: fields of the settings that are other than in `settings`.
 
     Raises:

@@ -68,7 +68,7 @@ def compare(
         scaling: sensor range.
         recipe: what the words of its own target get beside the gains; None: nothing.
         first_look: as for `prove`.
-        progress: told what begins.
+        progress: called with a few words as each step begins.
 
     Raises:
         InputError, OutOfRange: as `prove`.

@@ -155,8 +155,8 @@ def plainly(
         candidate: the design and its words, where they are made already.
         plain: their proof without a ramp, where there is one already.
         text: whether the exported text is run, too, see `heatertune.proof.text_comparison.as_exported`.
-        progress: told what begins.
-        stage: told "design", "words" and "proof".
+        progress: called with a few words as each step begins.
+        stage: called with "design", "words" and "proof".
     """
     wished, choice = made_for(fitted, request, progress, stage) if candidate is None else candidate
     conditions = request.conditions

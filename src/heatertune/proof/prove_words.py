@@ -89,7 +89,7 @@ def prove(
         night: with `only`: the heat-up and one of `heatertune.proof.long_outage` alone, by its name, if the words have
             it.
         night_times: with `night`: the longest open circuit lasts so many times as long.
-        progress: told how many runs are done.
+        progress: called with how many runs are done.
         changed: fields of `Conditions` that are other than in `conditions`.
 
     Raises:

@@ -69,7 +69,7 @@ def refine(
         choice: the words to begin with.
         fitted: the heater and its candidates.
         conditions: of the proof.
-        progress: told what begins.
+        progress: called with a few words as each step begins.
 
     Raises:
         InputError, OutOfRange, UnknownName: as `prove`.

@@ -227,7 +227,7 @@ class Runs:
         actuator: the switch.
         limits: that are to be kept.
         interlock: what watches the heater in every run; None: nothing.
-        progress: told how many runs are judged.
+        progress: called with how many runs are judged.
         mains_power: full power as a share of the rated one; None: the rated power.
         models: (label, heater) of all, without the controller's delay.
         done: how many runs of the proof come before these, and how many there are in all; None: these are all.
@@ -434,7 +434,7 @@ class Runs:
         Args:
             runs: their numbers.
             seeds: of each one's noise, all being under one setting; none: the scenario's for all.
-            tell: told how many are done.
+            tell: called with how many are done.
         """
         drawn = seeds or [self.scenario.seed] * len(runs)
         keys = [(self.cases[run][0], self._shown(run), seed) for run, seed in zip(runs, drawn, strict=True)]

@@ -79,7 +79,7 @@ def prove_ramped(
         plain: the proof of these words under these conditions without a ramp, where there is one already.
         gains_open: whether other gains are tried where a ramp leaves what those mend; else a slower ramp is looked for.
         text: whether the exported text is run, too, see `as_exported`.
-        progress: told what begins.
+        progress: called with a few words as each step begins.
 
     Raises:
         InputError: a ramp for a controller that has none, or as `prove`.

@@ -443,7 +443,7 @@ class Coverage:
             it.
         night_times: how many times as long as in a proof the longest open circuit of that night lasts.
         draws: False: no more than one draw of the noise; see `heatertune.proof.proof`.
-        progress: told how many runs are done, as "18 of 54 runs".
+        progress: called with how many runs are done, as "18 of 54 runs".
         supplies: other mains voltages, each with the heaters that run at it; none: the rated power alone.
     """
 

@@ -293,7 +293,7 @@ def design(bench: Bench, checked: int = 300, *, seed: int = 0, progress: Progres
         bench: what runs.
         checked: fresh heaters that it must not trip on.
         seed: of the first heater that is drawn.
-        progress: told what begins.
+        progress: called with a few words as each step begins.
 
     Raises:
         InputError: loops in order differ so much that no limit tells them from broken ones in 32 bits.

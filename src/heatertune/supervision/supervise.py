@@ -198,7 +198,7 @@ def printer_rule(bench: Bench, numbers: Numbers, target: str, checked: int, prog
         numbers: of the monitor; the ends of its sensor are the rule's.
         target: of `TARGETS`.
         checked: fresh heaters that it must not stop.
-        progress: told what begins.
+        progress: called with a few words as each step begins.
 
     Raises:
         InputError: none leaves loops in order alone.
@@ -393,7 +393,7 @@ def supervise(
         fitted: the heater; the possible ones are drawn around.
         conditions: as of the proof; without a noise it is the log's, or 0.1 °C.
         drawn: how heaters are drawn; None: as by default.
-        progress: told what begins.
+        progress: called with a few words as each step begins.
 
     Raises:
         InputError: a cooler; no limits tell loops in order from broken ones.

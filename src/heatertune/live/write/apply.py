@@ -222,7 +222,7 @@ def apply_write(wanted: WriteRequest, yes: str | None, progress: Progress = str)
     Args:
         wanted: what, and where.
         yes: the first digits of the proof's digest, as somebody typed them.
-        progress: told what is done.
+        progress: called with what is done.
 
     Raises:
         InputError: another yes, something that nobody has said of the PLC, a file that cannot be written, or another

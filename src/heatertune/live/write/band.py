@@ -281,7 +281,7 @@ def watch_response(
         proven: whose band it is.
         expected: all words, as they were written.
         before: what was seen from right before the write on.
-        progress: told how far it is.
+        progress: called with how far it is.
 
     Raises:
         RecordBroken: the record cannot be written.

@@ -41,7 +41,7 @@ def closed_on_samples(
         fitted: the heater and its candidates.
         request: what the design is asked for; without samples it is that of `closed_on_runs`.
         ways_on: as `closed_on_runs`.
-        progress: told what begins.
+        progress: called with a few words as each step begins.
         stage: as `closed_on_runs`.
 
     Raises:

@@ -106,7 +106,7 @@ class Suggestion:
         fitted: the heater and its candidates.
         asked: what for.
         first: the plain design, which fails or winds up.
-        progress: told what is tried.
+        progress: called with what is tried.
         close: `heatertune.proof.redesign.redesign_search.closed_on_runs` without ways on.
         freeing: whether what is fixed of the design may be left open.
         sooner: a control without gains that scans more often, where it was tried.
