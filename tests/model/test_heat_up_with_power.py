@@ -3,6 +3,8 @@
 The logs are made by SciPy's lsim (`twins.logged`), which shares nothing with the fit's simulation.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tests.model.twins import AMBIENT, coloured, logged
@@ -63,3 +65,17 @@ def test_one_lag_stays_where_it_identifies_the_heater():
     fitted = ht.fit(logged(time, power, noise=coloured(4, len(time), 0.05)))
     assert fitted.outcome.name == "IDENTIFIED"
     assert not any("half rule" in note for note in fitted.notes)
+
+
+def test_two_heat_ups_together_show_the_heater_too():
+    gain, lags, dead, *_ = HEATERS["kiln"]
+    logs = [replace(heat_up("kiln", seed), name=f"day {seed}") for seed in (5, 6)]
+    fitted = ht.fit_together(logs)
+    assert fitted.outcome.name == "IDENTIFIED"
+    assert fitted.model.gain_degC_per_pct == pytest.approx(gain, rel=0.03)
+    assert fitted.model.time_constant_s == pytest.approx(lags[0] + 0.5 * lags[1], rel=0.08)
+    assert fitted.model.dead_time_s == pytest.approx(dead + 0.5 * lags[1], rel=0.1)
+    inside = fitted.ci95["gain_degC_per_pct"]
+    assert inside.low <= gain <= inside.high
+    assert all(0.8 * gain < each.model.gain_degC_per_pct < 1.25 * gain for each in fitted.candidates)
+    assert all(each.fit_pct > 99.0 for each in fitted.logs)

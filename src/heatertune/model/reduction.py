@@ -17,11 +17,11 @@ from heatertune.arrays import Array
 from heatertune.errors import InputError
 from heatertune.log.log_values import Log
 from heatertune.model.model_values import Candidate, FittedModel, Fopdt, HeaterModel, TwoLag
-from heatertune.model.statistics import RATIO, Interval
+from heatertune.model.statistics import RATIO, Interval, rescale
 
 __all__ = [
-    "COMBINATIONS", "FIELDS", "PROPORTIONAL_TO_GAIN", "cools", "crossover_rad_s", "match_fopdt", "middle_degC",
-    "mirror_heater", "mirrored_log", "mirrored_model", "ultimate_period_s", "zero_s",
+    "COMBINATIONS", "FIELDS", "PROPORTIONAL_TO_GAIN", "cools", "crossover_rad_s", "half_rule_intervals", "match_fopdt",
+    "middle_degC", "mirror_heater", "mirrored_log", "mirrored_model", "ultimate_period_s", "zero_s",
 ]
 
 
@@ -71,6 +71,14 @@ COMBINATIONS: Final[dict[str, Measure]] = {
 }
 #: names of what is proportional to the gain
 PROPORTIONAL_TO_GAIN: Final = ("gain_degC_per_pct", "gain_per_time_constant_degC_per_s_pct")
+
+
+def half_rule_intervals(model: HeaterModel, ci95: Mapping[str, Interval]) -> dict[str, Interval]:
+    """Return the intervals of a heater's own parameters as those of its half rule, which scales and shifts them."""
+    half = model.half_rule()
+    longer, later_s = half.time_constant_s / model.lags_s[0], half.dead_time_s - model.dead_time_s
+    changes = {"time_constant_s": (longer, 0.0), "dead_time_s": (1.0, later_s), RATIO: (1.0 / longer, 0.0)}
+    return {name: rescale(interval, *changes.get(name, (1.0, 0.0))) for name, interval in ci95.items()}
 
 
 #: phase at which a PI loop with Ms about 1.6 is cut [°]: the controller and the phase margin take the rest

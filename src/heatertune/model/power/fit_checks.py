@@ -1,13 +1,16 @@
 """The checks of a fit with power, and their messages.
 
-Also cross-validation: prediction of blocks that the fit has not used, and agreement of the two halves of a log.
+Also cross-validation: prediction of blocks that the fit has not used, and agreement of the two halves of a log, or of
+several logs.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import combinations
+from statistics import NormalDist
 
 import numpy as np
 import numpy.typing as npt
@@ -15,17 +18,17 @@ import numpy.typing as npt
 from heatertune.arrays import Array
 from heatertune.log.log_values import Log
 from heatertune.model.diagnostics import DROP_PCT, Remark
-from heatertune.model.model_values import Half, HeldOut, InputCorrelation, Validation, disagreeing_parameters
+from heatertune.model.model_values import Half, HeldOut, InputCorrelation, OneLog, Validation, disagreeing_parameters
 from heatertune.model.power.feedback import follows_temperature, input_correlation, is_feedback
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
 from heatertune.model.power.regressors import GAIN
 from heatertune.model.power.uncertainty import reaches, sensitivities
-from heatertune.model.statistics import Interval, fit_pct, identified_parts, ljung_box
+from heatertune.model.statistics import RATIO, Interval, fit_pct, identified_parts, ljung_box
 from heatertune.units import NOMENCLATURE
 
 __all__ = [
-    "check_fit", "correlation_of", "fit_of_half", "half_of", "halves", "held_out", "judgement_remarks",
-    "plain_halves", "predicts", "sides", "unseen",
+    "Disagreement", "agreement_remarks", "check_fit", "correlation_of", "disagreements", "fit_of_half", "half_of",
+    "halves", "held_out", "judgement_remarks", "plain_halves", "predicts", "sides", "unseen",
 ]
 
 
@@ -258,3 +261,71 @@ def _correlation_note(log: Log, correlation: InputCorrelation, second: InputCorr
     if is_feedback(log) or follows_temperature(log):
         sentence += "; or a load or noise was fed back, as in any closed loop"
     return sentence + "."
+
+
+_SHARED = ("gain_degC_per_pct", "time_constant_s", "dead_time_s", RATIO)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Disagreement:
+    """A parameter, and the two logs whose values differ most relative to their intervals."""
+
+    parameter: str
+    first: OneLog
+    second: OneLog
+
+
+def disagreements(logs: Sequence[OneLog]) -> tuple[Disagreement, ...]:
+    """Return the parameters whose values differ significantly between logs (5 % level).
+
+    The variances of independent estimates add up; the 5 % are divided among all pairs and parameters (Bonferroni). An
+    interval open towards the other value never disagrees.
+    """
+    pairs = list(combinations(logs, 2))
+    normal = NormalDist()
+    wider = normal.inv_cdf(1.0 - 0.025 / (len(_SHARED) * len(pairs))) / normal.inv_cdf(0.975)
+    differing = []
+    for name in _SHARED:
+        apart, (first, second) = max(((_apart(name, *pair), pair) for pair in pairs), key=lambda ranked: ranked[0])
+        if apart > wider:
+            differing.append(Disagreement(parameter=name, first=first, second=second))
+    return tuple(differing)
+
+
+def _apart(name: str, first: OneLog, second: OneLog) -> float:
+    """Return the distance of two values by what their intervals allow; 0 if one is open towards the other."""
+    lower, upper = sorted((first, second), key=lambda log: log.values[name])
+    high, low = lower.ci95[name].high, upper.ci95[name].low
+    if high is None or low is None:
+        return 0.0
+    reach = math.hypot(high - lower.values[name], upper.values[name] - low)
+    return (upper.values[name] - lower.values[name]) / max(reach, 1e-300)
+
+
+def agreement_remarks(logs: Sequence[OneLog], apart: Sequence[Disagreement]) -> Iterator[Remark]:
+    """Report how well one heater fits all logs, and yield a finding if the logs disagree."""
+    fits = ", ".join(f"{log.fit_pct:.1f} % of {log.name} ({log.alone_fit_pct:.1f} % alone)" for log in logs)
+    yield Remark(
+        "", f"One heater for all logs explains {fits}; ambient and residuals shown are those of {logs[0].name}.")
+    if not apart:
+        yield Remark("", "Alone, the logs give the same heater within their intervals.")
+        return
+    clashes = "; ".join(
+        f"{NOMENCLATURE[clash.parameter][1]} {_value(clash, clash.first)} by {clash.first.name}, "
+        f"{_value(clash, clash.second)} by {clash.second.name}"
+        for clash in apart
+    )
+    yield Remark("logs-disagree", (
+        f"The logs disagree beyond their intervals: {clashes}; it is not one heater, or it was not used in one way "
+        "(load, fan, working point), so the intervals hold what each log says alone, and each log's own heater is a "
+        "candidate."
+    ))
+
+
+def _value(clash: Disagreement, log: OneLog) -> str:
+    ends = log.ci95[clash.parameter]
+    return f"{log.values[clash.parameter]:.3g} {NOMENCLATURE[clash.parameter][2]} [{_end(ends.low)}, {_end(ends.high)}]"
+
+
+def _end(value: float | None) -> str:
+    return "open" if value is None else f"{value:.3g}"

@@ -11,8 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
-from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
@@ -22,11 +20,13 @@ from heatertune.arrays import Array
 from heatertune.errors import InputError
 from heatertune.model.diagnostics import Remark, fast_remarks, findings_of, poor_remarks
 from heatertune.model.least_squares import Minima, ResidualFunction, minimise
-from heatertune.model.model_values import Candidate, FittedModel, Fopdt, OneLog, Residuals
+from heatertune.model.model_values import Candidate, FittedModel, Fopdt, HeaterModel, OneLog, Residuals
 from heatertune.model.power.candidates import lies_inside, open_ends, second_is_seen, widen_intervals
 from heatertune.model.power.disturbance_fit import bic_of
 from heatertune.model.power.explanation import Explanation, alias_remarks
+from heatertune.model.power.fit_checks import agreement_remarks, disagreements
 from heatertune.model.power.fit_power import (
+    TWO_LAGS_SHOWN,
     WeighedFit,
     limit_notes,
     log_notes,
@@ -52,6 +52,7 @@ from heatertune.model.power.uncertainty import (
     distinct_candidates,
     ends_of,
 )
+from heatertune.model.reduction import half_rule_intervals
 from heatertune.model.statistics import (
     RATIO,
     Interval,
@@ -67,11 +68,10 @@ from heatertune.model.statistics import (
     long_run_noise,
     student_t,
 )
-from heatertune.units import NOMENCLATURE
 
 __all__ = [
-    "DEAD", "FIRST_AMBIENT", "LAG", "POWER", "Disagreement", "JointFit", "JointProblem", "agreement_remarks",
-    "disagreements", "fit_logs", "joint_fit_at", "joint_intervals", "two_scales_of_logs",
+    "DEAD", "FIRST_AMBIENT", "LAG", "POWER", "JointFit", "JointProblem", "fit_logs", "joint_fit_at", "joint_intervals",
+    "two_scales_of_logs",
 ]
 
 
@@ -356,74 +356,6 @@ def _held(problem: JointProblem, best: Array, name: str, values: Array) -> Minim
     return minimise(residuals, starts, problem.low, high, iterations=12)
 
 
-_SHARED = ("gain_degC_per_pct", "time_constant_s", "dead_time_s", RATIO)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Disagreement:
-    """A parameter, and the two logs whose values differ most relative to their intervals."""
-
-    parameter: str
-    first: OneLog
-    second: OneLog
-
-
-def disagreements(logs: Sequence[OneLog]) -> tuple[Disagreement, ...]:
-    """Return the parameters whose values differ significantly between logs (5 % level).
-
-    The variances of independent estimates add up; the 5 % are divided among all pairs and parameters (Bonferroni). An
-    interval open towards the other value never disagrees.
-    """
-    pairs = list(combinations(logs, 2))
-    normal = NormalDist()
-    wider = normal.inv_cdf(1.0 - 0.025 / (len(_SHARED) * len(pairs))) / normal.inv_cdf(0.975)
-    differing = []
-    for name in _SHARED:
-        apart, (first, second) = max(((_apart(name, *pair), pair) for pair in pairs), key=lambda ranked: ranked[0])
-        if apart > wider:
-            differing.append(Disagreement(parameter=name, first=first, second=second))
-    return tuple(differing)
-
-
-def _apart(name: str, first: OneLog, second: OneLog) -> float:
-    """Return the distance of two values by what their intervals allow; 0 if one is open towards the other."""
-    lower, upper = sorted((first, second), key=lambda log: log.values[name])
-    high, low = lower.ci95[name].high, upper.ci95[name].low
-    if high is None or low is None:
-        return 0.0
-    reach = math.hypot(high - lower.values[name], upper.values[name] - low)
-    return (upper.values[name] - lower.values[name]) / max(reach, 1e-300)
-
-
-def agreement_remarks(logs: Sequence[OneLog], apart: Sequence[Disagreement]) -> Iterator[Remark]:
-    """Report how well one heater fits all logs, and yield a finding if the logs disagree."""
-    fits = ", ".join(f"{log.fit_pct:.1f} % of {log.name} ({log.alone_fit_pct:.1f} % alone)" for log in logs)
-    yield Remark(
-        "", f"One heater for all logs explains {fits}; ambient and residuals shown are those of {logs[0].name}.")
-    if not apart:
-        yield Remark("", "Alone, the logs give the same heater within their intervals.")
-        return
-    clashes = "; ".join(
-        f"{NOMENCLATURE[clash.parameter][1]} {_value(clash, clash.first)} by {clash.first.name}, "
-        f"{_value(clash, clash.second)} by {clash.second.name}"
-        for clash in apart
-    )
-    yield Remark("logs-disagree", (
-        f"The logs disagree beyond their intervals: {clashes}; it is not one heater, or it was not used in one way "
-        "(load, fan, working point), so the intervals hold what each log says alone, and each log's own heater is a "
-        "candidate."
-    ))
-
-
-def _value(clash: Disagreement, log: OneLog) -> str:
-    ends = log.ci95[clash.parameter]
-    return f"{log.values[clash.parameter]:.3g} {NOMENCLATURE[clash.parameter][2]} [{_end(ends.low)}, {_end(ends.high)}]"
-
-
-def _end(value: float | None) -> str:
-    return "open" if value is None else f"{value:.3g}"
-
-
 _NEAR = 10.0  # BIC points
 
 _LAW = "power logged"
@@ -437,6 +369,13 @@ class _Joint(NamedTuple):
     law: str
     sentence: str = ""
     shifted: bool = False
+
+    @property
+    def heater(self) -> HeaterModel:
+        """The heater, with the ambient of the first log."""
+        model = self.fit.parts[0].model
+        assert model is not None
+        return model
 
 
 def fit_logs(logs: Sequence[Explanation], *, open_start: bool, seed: int, least_dead_time_s: float) -> FittedModel:
@@ -457,55 +396,76 @@ def fit_logs(logs: Sequence[Explanation], *, open_start: bool, seed: int, least_
     inside = joint_intervals(best.problem, best.fit, seed=seed)
     rivals = [rival for rival in _rivals(best, logs, weights)
               if rival.shifted or not lies_inside(_fopdt(rival), inside)]
-    alone = [_alone(log, weight, best, i) for i, (log, weight) in enumerate(zip(logs, weights, strict=True))]
+    alone = _each_alone(logs, weights, best)
     apart = disagreements(alone)
-    others = [values_of(_fopdt(rival)) for rival in rivals if not rival.shifted]
-    # the reported ambient is that of the first log
-    others += [values_of(log.model) | {"ambient_degC": math.nan} for log in logs if apart]
-    others += [end for log in logs for end in values_at_ends(log.bend)]
-    as_read = widen_intervals(inside, others)
-    ci95: dict[str, Interval | None] = {
-        **widen_intervals(as_read, [values_of(_fopdt(rival)) for rival in rivals if rival.shifted])}
+    as_read, ci95 = _as_read(inside, rivals, [log.model for log in logs if apart], logs)
     lag = ci95["time_constant_s"]
-    assert lag is not None
-    candidates = (*_candidates(best, rivals, _others(best, logs, open_lag=lag.high is None), logs),
-                  *(_own(log) for log in logs if apart), *(end for log in logs for end in _bent(log)))
-    ends = _ends(best, logs, candidates[0], as_read, least_dead_time_s)
+    others = list(_others(best, logs, open_lag=lag.high is None))
+    candidates = [*_candidates(best, rivals, others, logs), *(_own(log) for log in logs if apart),
+                  *(end for log in logs for end in _bent(log))]
+    shown, order = best, "one lag"
+    if not _resolved(ci95) and (two := _better_by_two_lags(best, others)) is not None:
+        shown, order, as_read = two, "two lags", joint_intervals(two.problem, two.fit, seed=seed)
+        ci95 = half_rule_intervals(two.heater, as_read)
+        candidates = [each for each in candidates if each.delta_bic < _NEAR]
+        candidates.sort(key=lambda near: near.model != two.heater)
+        alone = _each_alone(logs, weights, shown)
+    ends = _ends(shown, logs, candidates[0], as_read, least_dead_time_s)
     family = distinct_candidates([*candidates, *ends], least_dead_time_s)
-    open_ = open_ends([("one lag", {**ci95})])
-    ratio = ci95.pop(RATIO)
-    assert ratio is not None
-    resolved = all(identified_parts(ci95[name]) for name in ("gain_degC_per_pct", "time_constant_s"))
-    model, first = _fopdt(best), logs[0]
-    simulated = first.at_readings(best.problem.parts[0], best.fit.parts[0])
+    open_ = open_ends([(order, ci95)])
+    ratio, resolved = ci95.pop(RATIO), _resolved(ci95)
+    model, first = shown.heater.half_rule(), logs[0]
+    simulated = first.at_readings(shown.problem.parts[0], shown.fit.parts[0])
     agreement, names = list(agreement_remarks(alone, apart)), " and ".join(log.log.name for log in logs)
-    checks = [*fast_remarks(math.exp(best.problem.low[LAG]), model.time_constant_s, names), *_shares(best, logs),
+    checks = [*fast_remarks(math.exp(shown.problem.low[LAG]), model.time_constant_s, names), *_shares(shown, logs),
               *_aliases(logs),
               *(remark._replace(sentence=f"{log.log.name}: {remark.sentence}")
                 for log in logs for remark in bend_remarks(log.bend))]
-    fit = _fit_pct([log.clean_temperature for log in logs], _simulated(best, logs))
+    fit = _fit_pct([log.clean_temperature for log in logs], _simulated(shown, logs))
     outcome = outcome_of(fit, resolved=resolved)
     return FittedModel(
         model=model,
         outcome=outcome,
         method="exact simulation of every log with its own power, free initial states; intervals: profile likelihood "
         "or block bootstrap, whichever reaches further",
-        ci95=ci95,
+        ci95={**ci95},
         combinations={} if resolved else {RATIO: (values_of(model)[RATIO], ratio)},
         candidates=family,
         fit_pct=fit,
         findings=(*findings_of([*poor_remarks(outcome, fit, names), *agreement, *checks]), *open_),
-        notes=(*(remark.sentence for remark in agreement), *_log_notes(best, logs),
-               *limit_notes(model, best.problem.on_bound(best.fit), ci95,
+        notes=(*(remark.sentence for remark in agreement), *_log_notes(shown, logs),
+               *limit_notes(model, shown.problem.on_bound(shown.fit), ci95,
                             max(longest_hold_s(log.log, log.problems[0]) for log in logs)),
-               *rival_notes("the logs", candidates), *(rival.sentence for rival in rivals),
-               *(remark.sentence for remark in checks)),
+               *rival_notes("the logs", candidates), *([TWO_LAGS_SHOWN] if shown is not best else []),
+               *(rival.sentence for rival in rivals), *(remark.sentence for remark in checks)),
         residuals=Residuals(
             time_s=first.log.time_s, measured_degC=first.log.temperature_degC, simulated_degC=simulated,
             autocorrelation=autocorrelation(first.clean_temperature - simulated),
         ),
         logs=tuple(alone),
     )
+
+
+def _as_read(
+    inside: Mapping[str, Interval], rivals: Sequence[_Joint], alone: Sequence[Fopdt], logs: Sequence[Explanation]
+) -> tuple[dict[str, Interval], dict[str, Interval]]:
+    """Return the intervals with what else the logs may say: as their power reads, and if it changed within gaps."""
+    others = [values_of(_fopdt(rival)) for rival in rivals if not rival.shifted]
+    # the reported ambient is that of the first log
+    others += [values_of(model) | {"ambient_degC": math.nan} for model in alone]
+    others += [end for log in logs for end in values_at_ends(log.bend)]
+    as_read = widen_intervals(inside, others)
+    return as_read, widen_intervals(as_read, [values_of(_fopdt(rival)) for rival in rivals if rival.shifted])
+
+
+def _resolved(ci95: Mapping[str, Interval]) -> bool:
+    return all(identified_parts(ci95[name]) for name in ("gain_degC_per_pct", "time_constant_s"))
+
+
+def _better_by_two_lags(best: _Joint, others: Sequence[_Joint]) -> _Joint | None:
+    """Return the heater of two lags that explains all logs far better than one lag, None if there is none."""
+    return next((other for other in others if other.problem.parts[0].two_lags
+                 and other.problem.bic(other.fit) < best.problem.bic(best.fit) - _NEAR), None)
 
 
 def two_scales_of_logs(logs: Sequence[Explanation]) -> list[TwoScaleFit]:
@@ -582,7 +542,7 @@ def _others(best: _Joint, logs: Sequence[Explanation], *, open_lag: bool) -> Ite
 
 
 def _candidates(
-    best: _Joint, rivals: Sequence[_Joint], others: Iterator[_Joint], logs: Sequence[Explanation]
+    best: _Joint, rivals: Sequence[_Joint], others: Sequence[_Joint], logs: Sequence[Explanation]
 ) -> Iterator[Candidate]:
     """Return one lag, its rivals, and every other model that explains the logs nearly as well or better."""
     tried = [best, *rivals, *others]
@@ -593,10 +553,8 @@ def _candidates(
             continue
         simulated = _simulated(trial, logs)
         left = np.concatenate(cleaned) - np.concatenate(simulated)
-        plant = trial.fit.parts[0].model
-        assert plant is not None
         yield Candidate(
-            model=plant, log=" + ".join(log.log.name for log in logs), law=trial.law,
+            model=trial.heater, log=" + ".join(log.log.name for log in logs), law=trial.law,
             window_s=(min(float(log.log.time_s[0]) for log in logs), max(float(log.log.time_s[-1]) for log in logs)),
             fit_pct=_fit_pct(cleaned, simulated), rmse_degC=float(np.sqrt(np.mean(left**2))),
             delta_bic=bic - min(bics),
@@ -628,14 +586,20 @@ def _own(log: Explanation) -> Candidate:
     )
 
 
+def _each_alone(logs: Sequence[Explanation], weights: Sequence[WeighedFit], best: _Joint) -> list[OneLog]:
+    return [_alone(*pair, best, place) for place, pair in enumerate(zip(logs, weights, strict=True))]
+
+
 def _alone(log: Explanation, weight: WeighedFit, best: _Joint, place: int) -> OneLog:
     """Return the results of one log alone, and of the common heater on it."""
     fit, model = best.fit.parts[place], log.model
     simulated = log.at_readings(best.problem.parts[place], fit)
+    order = int(best.problem.parts[place].two_lags)
+    own = log.at_readings(log.problems[order], log.fits[order])
     ends = widen_intervals(weight.inside, [values_of(rival.model) for rival in weight.rivals])
     return OneLog(
         name=log.log.name, fit_pct=fit_pct(log.clean_temperature, simulated),
-        alone_fit_pct=fit_pct(log.clean_temperature, log.simulated_degC), ambient_degC=float(fit.linear[AMBIENT]),
+        alone_fit_pct=fit_pct(log.clean_temperature, own), ambient_degC=float(fit.linear[AMBIENT]),
         drift_degC_per_s=float(fit.linear[DRIFT]), noise_degC=float(np.std(log.clean_temperature - simulated)),
         values={name: value for name, value in values_of(model).items() if name in ends and name != "ambient_degC"},
         ci95={name: limits for name, limits in ends.items() if name != "ambient_degC"},
@@ -657,7 +621,8 @@ def _ends(
         left = np.concatenate(cleaned) - np.concatenate(simulated)
         return AtEnd(model, _fit_pct(cleaned, simulated), float(np.sqrt(np.mean(left**2))))
 
-    return ends_of(first, values_of(_fopdt(best)), ci95, held, least_dead_time_s=least_dead_time_s)
+    values = {name: float(_MEASURES[name](best.fit.vector[None, :])[0]) for name in ("dead_time_s", RATIO)}
+    return ends_of(first, values, ci95, held, least_dead_time_s=least_dead_time_s)
 
 
 def _simulated(joint: _Joint, logs: Sequence[Explanation]) -> list[Array]:
@@ -673,9 +638,8 @@ def _fit_pct(measured: Sequence[Array], simulated: Sequence[Array]) -> float:
 
 
 def _fopdt(joint: _Joint) -> Fopdt:
-    model = joint.fit.parts[0].model
-    assert isinstance(model, Fopdt)
-    return model
+    assert isinstance(joint.heater, Fopdt)
+    return joint.heater
 
 
 def _shares(best: _Joint, logs: Sequence[Explanation]) -> Iterator[Remark]:

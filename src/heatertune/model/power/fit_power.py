@@ -68,7 +68,7 @@ from heatertune.model.power.uncertainty import (
     squares_at,
     value_of,
 )
-from heatertune.model.reduction import ultimate_period_s
+from heatertune.model.reduction import FIELDS, half_rule_intervals, ultimate_period_s
 from heatertune.model.statistics import (
     PERIOD,
     RATIO,
@@ -76,15 +76,14 @@ from heatertune.model.statistics import (
     autocorrelation,
     fit_pct,
     identified_parts,
-    rescale,
     sensor_step,
 )
 from heatertune.units import NOMENCLATURE
 
 __all__ = [
-    "Contributions", "contributions_of", "fit_extended", "fit_power", "halves_notes", "interval_widening",
-    "limit_notes", "log_notes", "longest_hold_s", "notes_of", "outcome_of", "rival_notes", "said_by_halves",
-    "share_remarks", "values_at_ends", "values_of", "weigh_fit", "widening_notes",
+    "TWO_LAGS_SHOWN", "Contributions", "contributions_of", "fit_extended", "fit_power", "halves_notes",
+    "interval_widening", "limit_notes", "log_notes", "longest_hold_s", "notes_of", "outcome_of", "rival_notes",
+    "said_by_halves", "share_remarks", "values_at_ends", "values_of", "weigh_fit", "widening_notes",
 ]
 
 
@@ -599,6 +598,11 @@ def fit_power(explanation: Explanation, weight: WeighedFit, *, least_dead_time_s
     )
 
 
+TWO_LAGS_SHOWN: Final = (
+    "One lag does not identify this heater, and two lags explain it better: the values are those of two lags as one by "
+    "the half rule.")
+
+
 class _Shown(NamedTuple):
     """The working model: its place in problems and fits, its values, intervals and checks, and notes on these.
 
@@ -630,15 +634,10 @@ def _by_two_lags(explanation: Explanation, single: _Shown, wider: Mapping[str, f
         return single
     own = interval_widening(problem, fit)
     ci95 = intervals_by(problem, fit, [{name: max(own[name], wider.get(name, 1.0)) for name in own}], seed=seed)[0]
-    half = fit.model.half_rule()
-    longer, later_s = half.time_constant_s / fit.model.lags_s[0], half.dead_time_s - fit.model.dead_time_s
-    return _Shown(1, half, {
-        "gain_degC_per_pct": ci95["gain_degC_per_pct"], "time_constant_s": rescale(ci95["time_constant_s"], longer),
-        "dead_time_s": rescale(ci95["dead_time_s"], 1.0, later_s), "ambient_degC": ci95.get("ambient_degC"),
-    }, validation, (
-        "One lag does not identify this heater, and two lags explain the log better: the values are those of two lags "
-        "as one by the half rule.", *widening_notes(own)), ratio=rescale(ci95[RATIO], 1.0 / longer),
-        alone=ci95)
+    shown = half_rule_intervals(fit.model, ci95)
+    reported = {name: shown.get(name) for name in FIELDS}
+    return _Shown(1, fit.model.half_rule(), reported, validation, (TWO_LAGS_SHOWN, *widening_notes(own)), shown[RATIO],
+                  alone=ci95)
 
 
 def fit_extended(logs: Sequence[Explanation], extended: Sequence[LossFit | TwoScaleFit]) -> FittedModel:
