@@ -22,7 +22,7 @@ from heatertune.model.diagnostics import Remark, fast_remarks, findings_of, poor
 from heatertune.model.least_squares import Minima, ResidualFunction, minimise
 from heatertune.model.model_values import Candidate, FittedModel, Fopdt, HeaterModel, OneLog, Residuals
 from heatertune.model.power.candidates import lies_inside, open_ends, second_is_seen, widen_intervals
-from heatertune.model.power.disturbance_fit import bic_of
+from heatertune.model.power.disturbance_fit import bic_of, is_sensible
 from heatertune.model.power.explanation import Explanation, alias_remarks
 from heatertune.model.power.fit_checks import agreement_remarks, disagreements
 from heatertune.model.power.fit_power import (
@@ -464,7 +464,9 @@ def _resolved(ci95: Mapping[str, Interval]) -> bool:
 
 def _better_by_two_lags(best: _Joint, others: Sequence[_Joint]) -> _Joint | None:
     """Return the heater of two lags that explains all logs far better than one lag, None if there is none."""
+    cold = all(map(is_sensible, best.problem.parts, best.fit.parts))
     return next((other for other in others if other.problem.parts[0].two_lags
+                 and (not cold or all(map(is_sensible, other.problem.parts, other.fit.parts)))
                  and other.problem.bic(other.fit) < best.problem.bic(best.fit) - _NEAR), None)
 
 

@@ -42,7 +42,7 @@ from heatertune.model.power.candidates import (
     widen_intervals,
 )
 from heatertune.model.power.changed_heater import ChangePeriod, load_period
-from heatertune.model.power.disturbance_fit import bic_of, edges_of
+from heatertune.model.power.disturbance_fit import bic_of, edges_of, is_sensible
 from heatertune.model.power.explanation import Explanation, alias_remarks
 from heatertune.model.power.fit_checks import (
     check_fit,
@@ -623,14 +623,16 @@ class _Shown(NamedTuple):
 
 
 def _by_two_lags(explanation: Explanation, single: _Shown, wider: Mapping[str, float], seed: int) -> _Shown:
-    """Return two lags by the half rule, if they predict what they were not fitted to; else one lag.
+    """Return two lags by the half rule, if they predict what they were not fitted to, in no warmer room; else one lag.
 
     Of a heat-up, one lag that is far from the readings can have a gain several times that of the heater.
     """
     problem, fit = explanation.problems[1], explanation.fits[1]
     assert fit.model is not None
     validation = check_fit(problem, fit)
-    if validation.held_out.fit_pct < fit_pct(problem.readings.temperature_degC, fit.simulated_degC) - DROP_PCT:
+    warm = not is_sensible(problem, fit) and is_sensible(explanation.problems[0], explanation.fits[0])
+    found_pct = fit_pct(problem.readings.temperature_degC, fit.simulated_degC)
+    if warm or validation.held_out.fit_pct < found_pct - DROP_PCT:
         return single
     own = interval_widening(problem, fit)
     ci95 = intervals_by(problem, fit, [{name: max(own[name], wider.get(name, 1.0)) for name in own}], seed=seed)[0]
