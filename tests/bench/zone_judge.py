@@ -205,6 +205,6 @@ def settling(network, proof, radius):
     designs = proof.design.designs
     size = min(max(radius, 0.5), 1.0 - 1e-4)
     *_, rate = ramp_of(proof.words[0])
-    rise = max(proof.specification.setpoints_degC) - min(network.ambients_degC)
+    rise = max(proof.specification.setpoints_degC) - min(proof.fitted.network.ambients_degC)
     return ((rise / rate if rate else 0.0) + 12.0 * max(each.integral_time_s for each in designs) - 8.0 * designs[0].sample_time_s / math.log(size)
             + 2.0 * max(network.time_constants_s))

@@ -28,7 +28,7 @@ def heat_up(made, seed):
     off_s = time[np.argmax(reached >= AMBIENT + share * 100.0 * gain)]
     time = time[time <= off_s + fall * sum(lags)]
     power = np.where((time >= 60.0) & (time < off_s), 100.0, 0.0)
-    noise = coloured(seed, len(time), 0.1)
+    noise = np.random.default_rng(seed).normal(0.0, 0.1, len(time))  # slow noise would leave one lag, and what it leaves open
     return logged(time, power, gain=gain, lag=lags[0], second=lags[1], dead=dead, noise=noise)
 
 

@@ -309,7 +309,7 @@ def _settled(problem: PowerProblem, start: Array) -> CleanedFit:
 
 
 def _explained_by_two_lags(single: CleanedFit) -> CleanedFit:
-    """Return one lag with the readings given back that two lags explain, where two are the better model.
+    """Return one lag with the readings given back that two lags explain, where two then leave noise alone.
 
     One lag turns at once where the power goes; the readings around a rounder turn are then far from it alone.
     """
@@ -326,7 +326,11 @@ def _explained_by_two_lags(single: CleanedFit) -> CleanedFit:
         return single
     readings_degC = readings.temperature_degC.copy()
     readings_degC[odd] = single.readings_degC[odd]
-    return _fitted(single.whole, readings_degC, odd)
+    whole_turn = _fitted(single.whole, readings_degC, odd)
+    two = replace(whole_turn.problem, two_lags=True)
+    fit = _second(two, whole_turn.fit)
+    is_noise = fit.model is not None and leaves_noise(two.readings, fit.simulated_degC)
+    return whole_turn if is_noise else single
 
 
 def _fitted(problem: PowerProblem, readings_degC: Array, outliers: Places) -> CleanedFit:

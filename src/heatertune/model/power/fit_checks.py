@@ -19,7 +19,9 @@ from heatertune.arrays import Array
 from heatertune.log.log_values import Log
 from heatertune.model.diagnostics import DROP_PCT, Remark
 from heatertune.model.model_values import Half, HeldOut, InputCorrelation, OneLog, Validation, disagreeing_parameters
+from heatertune.model.power.disturbance_fit import is_sensible
 from heatertune.model.power.feedback import follows_temperature, input_correlation, is_feedback
+from heatertune.model.power.loss_fit import leaves_noise
 from heatertune.model.power.open_loop import PowerFit, PowerProblem
 from heatertune.model.power.regressors import GAIN
 from heatertune.model.power.uncertainty import reaches, sensitivities
@@ -27,8 +29,8 @@ from heatertune.model.statistics import RATIO, Interval, fit_pct, identified_par
 from heatertune.units import NOMENCLATURE
 
 __all__ = [
-    "Disagreement", "agreement_remarks", "check_fit", "correlation_of", "disagreements", "fit_of_half", "half_of",
-    "halves", "held_out", "judgement_remarks", "plain_halves", "predicts", "sides", "unseen",
+    "Disagreement", "agreement_remarks", "check_fit", "checks_in_place", "correlation_of", "disagreements",
+    "fit_of_half", "half_of", "halves", "held_out", "judgement_remarks", "plain_halves", "predicts", "sides", "unseen",
 ]
 
 
@@ -177,6 +179,24 @@ def check_fit(problem: PowerProblem, fit: PowerFit) -> Validation:
         held_out=unseen(problem, fit),
         halves=halves(problem, fit),
     )
+
+
+def checks_in_place(
+    problem: PowerProblem, fit: PowerFit, rival: tuple[PowerProblem, PowerFit]
+) -> Validation | None:
+    """Return the checks of two lags that may take a rival's place, None if they may not.
+
+    They have to leave noise alone, predict the windows that are left out, pass all checks, and need no room that is
+    warmer than the log where the rival needs none.
+    """
+    if fit.model is None or not leaves_noise(problem.readings, fit.simulated_degC):
+        return None
+    validation, found_pct = check_fit(problem, fit), fit_pct(problem.readings.temperature_degC, fit.simulated_degC)
+    follows, both = validation.input_correlation, validation.halves
+    passes = (
+        follows is None or follows.ok, both is None or not disagreeing_parameters(both),
+        validation.held_out.fit_pct >= found_pct - DROP_PCT, is_sensible(problem, fit) or not is_sensible(*rival))
+    return validation if all(passes) else None
 
 
 def predicts(problem: PowerProblem, fit: PowerFit) -> bool:

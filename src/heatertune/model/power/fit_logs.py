@@ -22,9 +22,9 @@ from heatertune.model.diagnostics import Remark, fast_remarks, findings_of, poor
 from heatertune.model.least_squares import Minima, ResidualFunction, minimise
 from heatertune.model.model_values import Candidate, FittedModel, Fopdt, HeaterModel, OneLog, Residuals
 from heatertune.model.power.candidates import lies_inside, open_ends, second_is_seen, widen_intervals
-from heatertune.model.power.disturbance_fit import bic_of, is_sensible
+from heatertune.model.power.disturbance_fit import bic_of
 from heatertune.model.power.explanation import Explanation, alias_remarks
-from heatertune.model.power.fit_checks import agreement_remarks, disagreements
+from heatertune.model.power.fit_checks import agreement_remarks, checks_in_place, disagreements
 from heatertune.model.power.fit_power import (
     TWO_LAGS_SHOWN,
     WeighedFit,
@@ -404,7 +404,8 @@ def fit_logs(logs: Sequence[Explanation], *, open_start: bool, seed: int, least_
     candidates = [*_candidates(best, rivals, others, logs), *(_own(log) for log in logs if apart),
                   *(end for log in logs for end in _bent(log))]
     shown, order = best, "one lag"
-    if not _resolved(ci95) and (two := _better_by_two_lags(best, others)) is not None:
+    is_open = rivals or apart or any(each.open_start for each in weights) or any(log.has_events for log in logs)
+    if not (_resolved(ci95) or is_open) and (two := _better_by_two_lags(best, others)) is not None:
         shown, order, as_read = two, "two lags", joint_intervals(two.problem, two.fit, seed=seed)
         ci95 = half_rule_intervals(two.heater, as_read)
         candidates = [each for each in candidates if each.delta_bic < _NEAR]
@@ -464,10 +465,13 @@ def _resolved(ci95: Mapping[str, Interval]) -> bool:
 
 def _better_by_two_lags(best: _Joint, others: Sequence[_Joint]) -> _Joint | None:
     """Return the heater of two lags that explains all logs far better than one lag, None if there is none."""
-    cold = all(map(is_sensible, best.problem.parts, best.fit.parts))
-    return next((other for other in others if other.problem.parts[0].two_lags
-                 and (not cold or all(map(is_sensible, other.problem.parts, other.fit.parts)))
-                 and other.problem.bic(other.fit) < best.problem.bic(best.fit) - _NEAR), None)
+    two = next((other for other in others if other.problem.parts[0].two_lags), None)
+    if two is None or two.problem.bic(two.fit) > best.problem.bic(best.fit) - _NEAR:
+        return None
+    singles = zip(best.problem.parts, best.fit.parts, strict=True)
+    checks = [checks_in_place(part, fit, one_lag)
+              for part, fit, one_lag in zip(two.problem.parts, two.fit.parts, singles, strict=True)]
+    return two if all(checks) else None
 
 
 def two_scales_of_logs(logs: Sequence[Explanation]) -> list[TwoScaleFit]:

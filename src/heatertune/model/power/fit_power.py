@@ -42,10 +42,11 @@ from heatertune.model.power.candidates import (
     widen_intervals,
 )
 from heatertune.model.power.changed_heater import ChangePeriod, load_period
-from heatertune.model.power.disturbance_fit import bic_of, edges_of, is_sensible
+from heatertune.model.power.disturbance_fit import bic_of, edges_of
 from heatertune.model.power.explanation import Explanation, alias_remarks
 from heatertune.model.power.fit_checks import (
     check_fit,
+    checks_in_place,
     correlation_of,
     fit_of_half,
     half_of,
@@ -506,12 +507,16 @@ def _expected(half: float, whole: float) -> float:
 
 
 class WeighedFit(NamedTuple):
-    """Of one lag: intervals, checks, other fits that the log does not rule out, and how far intervals were widened."""
+    """Of one lag: intervals, checks, other fits that the log does not rule out, and how far intervals were widened.
+
+    `open_start`: the log begins warm, and the power before it is unknown.
+    """
 
     inside: dict[str, Interval]
     validation: Validation
     rivals: tuple[Rival, ...]
     wider: dict[str, float] | None = None
+    open_start: bool = False
 
 
 _POOR = 60.0  # fit [%] below which no interval means anything
@@ -524,7 +529,7 @@ def weigh_fit(explanation: Explanation, *, open_start: bool, seed: int) -> Weigh
     narrow, inside = intervals_by(problem, one, [{}, wider], seed=seed)
     validation = check_fit(problem, one)
     rivals = rivals_of(explanation.log, problem, one, narrow, validation.held_out, open_start=open_start)
-    return WeighedFit(inside, validation, rivals, wider)
+    return WeighedFit(inside, validation, rivals, wider, open_start and not problem.at_rest)
 
 
 def fit_power(explanation: Explanation, weight: WeighedFit, *, least_dead_time_s: float, seed: int) -> FittedModel:
@@ -540,7 +545,7 @@ def fit_power(explanation: Explanation, weight: WeighedFit, *, least_dead_time_s
         seed: of the bootstrap.
     """
     log, (one, two) = explanation.log, explanation.fits
-    inside, validation, rivals, wider = weight
+    inside, validation, rivals, wider, open_start = weight
     read_otherwise = widen_intervals(
         inside, [*(values_of(rival.model) for rival in rivals if not rival.shifted), *values_at_ends(explanation.bend)])
     bounds = bounds_of(explanation.problems[0])
@@ -558,7 +563,7 @@ def fit_power(explanation: Explanation, weight: WeighedFit, *, least_dead_time_s
     shown = _Shown(0, explanation.model, ci95, validation, (
         *widening_notes(wider or {}), *halves_notes(read_otherwise, as_read), *(rival.sentence for rival in rivals)),
         ratio=ratio)
-    if not shown.is_resolved and candidates[0].delta_bic > _NEAR and any(c.model == two.model for c in candidates):
+    if not (shown.is_resolved or rivals or open_start or explanation.has_events) and candidates[0].delta_bic > _NEAR:
         shown = _by_two_lags(explanation, shown, wider or {}, seed)
     family, open_ = family_of(explanation, candidates, as_read, validation.halves, least_dead_time_s, wider or {}, seed,
                               two_lags=shown.alone)
@@ -623,16 +628,11 @@ class _Shown(NamedTuple):
 
 
 def _by_two_lags(explanation: Explanation, single: _Shown, wider: Mapping[str, float], seed: int) -> _Shown:
-    """Return two lags by the half rule, if they predict what they were not fitted to, in no warmer room; else one lag.
-
-    Of a heat-up, one lag that is far from the readings can have a gain several times that of the heater.
-    """
+    """Return two lags by the half rule, if they may take one lag's place, see `checks_in_place`; else one lag."""
     problem, fit = explanation.problems[1], explanation.fits[1]
-    assert fit.model is not None
-    validation = check_fit(problem, fit)
-    warm = not is_sensible(problem, fit) and is_sensible(explanation.problems[0], explanation.fits[0])
-    found_pct = fit_pct(problem.readings.temperature_degC, fit.simulated_degC)
-    if warm or validation.held_out.fit_pct < found_pct - DROP_PCT:
+    seen = second_is_seen(fit)
+    validation = checks_in_place(problem, fit, (explanation.problems[0], explanation.fits[0])) if seen else None
+    if validation is None or fit.model is None:
         return single
     own = interval_widening(problem, fit)
     ci95 = intervals_by(problem, fit, [{name: max(own[name], wider.get(name, 1.0)) for name in own}], seed=seed)[0]
