@@ -308,29 +308,30 @@ def _settled(problem: PowerProblem, start: Array) -> CleanedFit:
     return clean
 
 
-def _explained_by_two_lags(single: CleanedFit) -> CleanedFit:
-    """Return one lag with the readings given back that two lags explain, where two then leave noise alone.
+def _explained_by_two_lags(single: CleanedFit) -> tuple[CleanedFit, PowerFit]:
+    """Return one lag with the readings given back that two lags explain, where two then leave noise alone; and two.
 
     One lag turns at once where the power goes; the readings around a rounder turn are then far from it alone.
     """
     two = replace(single.problem, two_lags=True)
     fit = _second(two, single.fit)
-    if fit.model is None or bic_of(two, fit) > bic_of(single.problem, single.fit) - _SURE:
-        return single
+    if not len(single.outliers) or fit.model is None or (
+            bic_of(two, fit) > bic_of(single.problem, single.fit) - _SURE):
+        return single, fit
     readings, whole = single.whole.readings, replace(single.whole, two_lags=True)
     simulated = np.asarray(fit.linear @ whole.basis(fit.vector))
     begun = np.searchsorted(readings.time_s, readings.restart_s)
     _, odd = without_outliers(readings.temperature_degC, simulated, begun)
     odd = np.intersect1d(odd, single.outliers)
     if len(odd) == len(single.outliers):
-        return single
+        return single, fit
     readings_degC = readings.temperature_degC.copy()
     readings_degC[odd] = single.readings_degC[odd]
     whole_turn = _fitted(single.whole, readings_degC, odd)
     two = replace(whole_turn.problem, two_lags=True)
-    fit = _second(two, whole_turn.fit)
-    is_noise = fit.model is not None and leaves_noise(two.readings, fit.simulated_degC)
-    return whole_turn if is_noise else single
+    again = _second(two, whole_turn.fit)
+    is_noise = again.model is not None and leaves_noise(two.readings, again.simulated_degC)
+    return (whole_turn, again) if is_noise else (single, fit)
 
 
 def _fitted(problem: PowerProblem, readings_degC: Array, outliers: Places) -> CleanedFit:
@@ -433,15 +434,14 @@ def _search(log: Log, problem: PowerProblem, *, believed: bool) -> Explanation:
     """Return one lag and two, without the outliers, the start, the drift and the loads the log asks for."""
     given = problem
     log, clean, notes = clean_log(log, problem)
-    if len(clean.outliers):
-        clean = _explained_by_two_lags(clean)
+    clean, second = _explained_by_two_lags(clean)
     thin, fit = clean.problem, clean.fit
     alias = "" if believed else alias_of(log, thin, fit)
     doubt = "" if believed else _demand_cause(log, thin, fit, alias)
     two = replace(thin, two_lags=True)
     closed = is_feedback(log) or follows_temperature(log)
     way = with_load_at_departure(
-        with_events([thin, two], [fit, _second(two, fit)], closed_loop=closed), thin)
+        with_events([thin, two], [fit, second], closed_loop=closed), thin)
     if doubt or way.problems[0].loads_s:
         refuse_opened(log, thin, way)
     if doubt and not doubt.startswith(WRONG_SIGN) and any(map(explains, *way)):

@@ -226,8 +226,7 @@ def _thinned(problem: PowerProblem, fit: PowerFit) -> tuple[PowerProblem, PowerF
 
 
 def judgement_remarks(
-    log: Log, validation: Validation, fit: float, second: InputCorrelation | None, *, two_lags_predict: bool = False,
-    lags: int = 1,
+    log: Log, validation: Validation, fit: float, second: InputCorrelation | None, *, two_lags_predict: bool = False
 ) -> Iterator[Remark]:
     """Yield the findings of the checks; empty if all are passed.
 
@@ -237,12 +236,10 @@ def judgement_remarks(
         fit: of it on the readings used in the fit [%].
         second: residual correlation of two lags, None where the working model has them or there is no second lag.
         two_lags_predict: whether two lags are a candidate and predict the omitted windows.
-        lags: of the working model.
     """
     if validation.input_correlation is not None and not validation.input_correlation.ok:
         kept = second is not None and second.ok
-        note = _correlation_note(log, validation.input_correlation, second, lags)
-        yield Remark("" if kept else "follows-power", note)
+        yield Remark("" if kept else "follows-power", _correlation_note(log, validation.input_correlation, second))
     held = validation.held_out
     if held.fit_pct < fit - DROP_PCT:
         worst = max(range(len(held.rmses_degC)), key=lambda i: held.rmses_degC[i])
@@ -268,11 +265,10 @@ def _pair(first: float, second: float) -> str:
     return f"{first:.3g} and then {second:.3g}"
 
 
-def _correlation_note(log: Log, correlation: InputCorrelation, second: InputCorrelation | None, lags: int) -> str:
-    leave, more = (("one lag leaves", "second"), ("two lags leave", "third"))[lags - 1]
+def _correlation_note(log: Log, correlation: InputCorrelation, second: InputCorrelation | None) -> str:
     sentence = (
-        f"What {leave} over still follows the power, most after {correlation.at_lag_s:.3g} s (correlation "
-        f"{correlation.largest:+.2f}, by chance up to {correlation.limit:.2f}): a {more} lag or a longer dead time is "
+        f"What one lag leaves over still follows the power, most after {correlation.at_lag_s:.3g} s (correlation "
+        f"{correlation.largest:+.2f}, by chance up to {correlation.limit:.2f}): a second lag or a longer dead time is "
         "missing"
     )
     if second is not None:

@@ -570,16 +570,15 @@ def fit_power(explanation: Explanation, weight: WeighedFit, *, least_dead_time_s
     problem, best = explanation.problems[shown.place], explanation.fits[shown.place]
     simulated = explanation.at_readings(problem, best)
     fit = fit_pct(explanation.clean_temperature, simulated)
-    seen = second_is_seen(two)
-    second = correlation_of(explanation.problems[1], two) if seen and not shown.place else None
+    seen = second_is_seen(two) and not shown.place  # two lags that are shown have passed these checks
+    second = correlation_of(explanation.problems[1], two) if seen else None
     two_predict = (seen and validation.held_out.fit_pct < fit - DROP_PCT
                    and best_is_two and predicts(explanation.problems[1], two))
     outcome = outcome_of(max([fit, *(candidate.fit_pct for candidate in candidates)]), resolved=shown.is_resolved)
     least_s = math.exp(explanation.problems[0].low[0])
     checks = [*bend_remarks(explanation.bend),
               *share_remarks(log.name, explanation.problems, explanation.fits, explanation.doubt),
-              *judgement_remarks(
-                  log, shown.validation, fit, second, two_lags_predict=two_predict, lags=1 + shown.place),
+              *judgement_remarks(log, shown.validation, fit, second, two_lags_predict=two_predict),
               *alias_remarks(explanation.alias), *fast_remarks(least_s, shown.model.time_constant_s, log.name),
               *level_remarks(log)]
     return FittedModel(
