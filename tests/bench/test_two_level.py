@@ -17,7 +17,7 @@ from tests.bench import two_level, whose_heater
 
 
 # one lag without least times and with them, and two lags
-@pytest.mark.parametrize("seed", [2, 9, pytest.param(51, marks=pytest.mark.sample), 72])
+@pytest.mark.parametrize("seed", [9, *(pytest.param(seed, marks=pytest.mark.sample) for seed in (2, 51, 72))])
 @pytest.mark.long
 def test_the_heater_behind_a_thermostat_lies_within_its_intervals_without_power(seed):
     drawn = two_level.draw(seed)
@@ -27,7 +27,7 @@ def test_the_heater_behind_a_thermostat_lies_within_its_intervals_without_power(
         assert all(holds for _, holds in verdict.intervals), verdict.intervals
 
 
-@pytest.mark.parametrize("seed", [10, 41, 55])
+@pytest.mark.parametrize("seed", [10, pytest.param(41, marks=pytest.mark.sample), pytest.param(55, marks=pytest.mark.sample)])
 @pytest.mark.long
 def test_switchings_between_rows_do_not_make_the_gain_too_small(seed):
     drawn = two_level.draw(seed)
@@ -59,7 +59,7 @@ def _steps_of_output(share_pct, rows):
     return np.arange(rows) * 2.0, np.array(readings)
 
 
-@pytest.mark.parametrize("share_pct", [20.0, 25.0])
+@pytest.mark.parametrize("share_pct", [20.0, pytest.param(25.0, marks=pytest.mark.sample)])
 @pytest.mark.long
 def test_the_lower_step_of_an_output_in_steps_is_not_no_power(share_pct):
     time_s, readings = _steps_of_output(share_pct, 900)
@@ -78,7 +78,7 @@ def test_a_thermostat_is_two_thresholds_and_up_to_two_times(numbers):
         Thermostat.stated(numbers)
 
 
-@pytest.mark.parametrize("seed", [10, 41])
+@pytest.mark.parametrize("seed", [10, pytest.param(41, marks=pytest.mark.sample)])
 @pytest.mark.long
 def test_stated_thresholds_of_a_log_with_power_are_compared_with_those_that_it_shows(seed):
     drawn = two_level.draw(seed)
@@ -187,7 +187,8 @@ def test_a_part_of_a_log_without_power_that_begins_warm_is_not_fitted_as_if_that
     assert "The room is that of the log's first reading" in message
 
 
-@pytest.mark.parametrize(("seed", "lags", "dead"), [(0, (110.0, 38.0), 6.0), (1, (160.0, 128.0), 9.0)])
+@pytest.mark.parametrize(("seed", "lags", "dead"), [
+    pytest.param(0, (110.0, 38.0), 6.0, marks=pytest.mark.sample), (1, (160.0, 128.0), 9.0)])
 @pytest.mark.long
 def test_pulses_that_the_temperature_does_not_show_are_taken_at_their_rows(seed, lags, dead):
     """A PI loop with time-proportioned power over ten rows of 2 s; free instants made 73 s of dead time out of the lags."""

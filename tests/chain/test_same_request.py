@@ -74,7 +74,7 @@ def in_the_studio(source, target, *, pressed):
 
 @pytest.mark.long(seconds=20)
 @pytest.mark.parametrize(("log", "target"), [
-    ("step", "s5-ob251"), pytest.param("step", "weg", marks=pytest.mark.sample), ("table4", "fb41")])
+    ("step", "s5-ob251"), pytest.param("step", "weg", marks=pytest.mark.sample), pytest.param("table4", "fb41", marks=pytest.mark.sample)])
 def test_the_same_request_gives_the_same_parameters_everywhere(log, target, step_log, tmp_path):
     source = step_log if log == "step" else log
     model, pid = str(tmp_path / "model.json"), str(tmp_path / "pid.json")

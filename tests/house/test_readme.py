@@ -42,7 +42,7 @@ def write_example_files(folder):
 @pytest.mark.long(seconds=200)
 @pytest.mark.parametrize("lines", [
     pytest.param(OWN_LINES, id="readme", marks=[pytest.mark.essential, pytest.mark.contained]),
-    pytest.param(COMMAND_LINES + [example for example in EXAMPLES if example not in COMMAND_LINES], id="overview and help"),
+    pytest.param(list(dict.fromkeys(COMMAND_LINES + EXAMPLES)), id="overview and help"),
 ])
 @pytest.mark.usefixtures("whatever_pays")
 def test_the_commands_of_readme_overview_and_help_run_in_the_order_they_stand(lines, tmp_path, monkeypatch, capsys):
