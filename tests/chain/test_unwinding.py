@@ -215,6 +215,7 @@ def _after_40_tn(library, fitted, proof):
     return most
 
 
+@pytest.mark.sample  # of what test_a_night_is_tried_under_every_setting_and_the_way_on_names_the_one_that_passes shows in a tenth of the time
 @pytest.mark.long(seconds=10)
 def test_where_nothing_mends_what_winds_up_under_one_setting_it_is_the_one_to_find_out():
     fitted = fit(read_log("table3"))

@@ -240,9 +240,8 @@ def _is_text(sheet: Sheet, role: str, i: int) -> bool:
     cell = sheet.columns[i][0]
     if role == "time":
         return is_second_choice(sheet.header[i]) and is_number(cell) and not _is_sheet_day(cell)
-    if role != "power" or any(fits(cell) for fits in (is_number, says_nothing, is_switch_word)):
-        return False
-    return is_second_choice(sheet.header[i]) or list(map(role_of, sheet.header)).count("power") > 1
+    return (role == "power" and not any(fits(cell) for fits in (is_number, says_nothing, is_switch_word))
+            and (is_second_choice(sheet.header[i]) or list(map(role_of, sheet.header)).count("power") > 1))
 
 
 def _is_sheet_day(cell: str) -> bool:
