@@ -224,8 +224,8 @@ def _sweep(folder: Path) -> None:
 
 def _one_by_one(folder: Path, data: Mapping[str, bytes], gone: Collection[str]) -> None:
     """Write all files beside, then put each in its place; where one cannot be, all are as they were."""
-    new = {name: _beside(folder / name, "part") for name in data}
-    old = {name: _beside(folder / name, "old") for name in (*data, *gone) if len(data) + len(gone) > 1}
+    new = {name: _temporary_path(folder / name, "part") for name in data}
+    old = {name: _temporary_path(folder / name, "old") for name in (*data, *gone) if len(data) + len(gone) > 1}
     placed: list[str] = []
     made = [path for path in {(folder / name).parent for name in data} if not path.exists() and path != folder]
     try:
@@ -262,7 +262,7 @@ def _forget(*files: Path) -> None:
             path.unlink(missing_ok=True)
 
 
-def _beside(path: Path, end: str) -> Path:
+def _temporary_path(path: Path, end: str) -> Path:
     return path.with_name(f".{path.name}.{os.getpid()}.{end}")
 
 

@@ -136,14 +136,14 @@ SITES = {}
 
 def count_requests():
     """Have each request of a client, and each new connection, noted at its site."""
-    asked = RequestConnection._asked
+    asked = RequestConnection._answer_to
 
-    def _asked(self, ask, what):
+    def _answer_to(self, ask, what):
         if self._address.host in SITES:
             SITES[self._address.host].request()
         return asked(self, ask, what)
 
-    RequestConnection._asked = _asked
+    RequestConnection._answer_to = _answer_to
     for module in (s7, modbus, opcua):
         def open_client(address, timeout_s, opened=module.open_client):
             if address.host in SITES:

@@ -165,7 +165,7 @@ CASES = (
     Case("power_range.with_switch", table("time [s],Temp [°C],A,B", S, T, *[["x" if p else "y" for p in P]] * 2), ("-power-on --power-on x --power-column A",),
          stated="--power-on x"),
     Case("quantities._demand_no_fractions", table("", S, [f"{20 + 0.07 * k:.2f}".replace(".", ",") for k in range(ROWS)], P), ("--decimal-comma 2", "--decimal-comma none")),
-    Case("quantities._found", table("time [s],Temp [°C],Heater [%]", S, [f"{20 + k % 7},{k * 3 % 10}" for k in range(ROWS)], P),
+    Case("quantities._smoothest_join", table("time [s],Temp [°C],Heater [%]", S, [f"{20 + k % 7},{k * 3 % 10}" for k in range(ROWS)], P),
          ("--decimal-comma 2", "--decimal-comma 3")),
     Case("read._demand_no_sides", long({"T.Temp": T, "Heater.Power": P, "Cooling.Power": BOTH_ON}), ("--cooling-column none",), stated="--power-tag Heater.Power"),
     Case("read._readings", table(HEAD, S, BLANKS, P), ("--skip-empty",)),

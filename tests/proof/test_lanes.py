@@ -185,7 +185,7 @@ def all_of_them(_rows):
 
 
 @VECTORS
-@pytest.mark.parametrize("part", [one._to_edges, two._to_edges, two._to_turns, two._searched], ids=["one lag", "edges", "turns", "search"])
+@pytest.mark.parametrize("part", [one._to_edges, two._to_edges, two._to_turns, two._search_crossings], ids=["one lag", "edges", "turns", "search"])
 def test_what_each_heater_does_is_vector_instructions(part):
     held = PhaseLimits(50.0, 1.0, False, 0.0, 1.0, np.zeros((1, 1)), np.zeros((1, 1)), 0)
     given = np.zeros(choice.ROWS * LANES), *{one._to_edges: (held, 1.0), two._to_turns: ()}.get(part, (1.0,))
@@ -209,10 +209,10 @@ def test_the_scan_of_all_controllers_is_vector_instructions(target, monkeypatch)
     controller = drawing_of(target).controllers[0]
     parts = []
     monkeypatch.setattr(choice, "bound", lambda function, **given: parts.append((function, given)) or bound(function, **given))
-    choice._made(controller, two_lags=False)
+    choice._loop_and_rows(controller, two_lags=False)
     scan = bound(parts[1][0], **parts[1][1])
     state, program, parameters = (
-        choice._held(controller, each) for each in (controller.state, choice.SetpointProgram(
+        choice._in_precision(controller, each) for each in (controller.state, choice.SetpointProgram(
             np.array(controller.setpoints), np.ones(1, dtype=np.int64), controller.ramp_step, 0, controller.ramp_hold), controller.parameters))
     end = rows_of((state, program.setpoints[0].item()), choice.ROWS).end
     alone, together = operations(scan, np.zeros(end * LANES), parameters, controller.sensor, program, program.setpoints[0], 1, True, 3)

@@ -262,7 +262,7 @@ def find_logs(logs: str | Path) -> tuple[str, list[str]]:
     Raises:
         InputError: there are none, or the list cannot be read.
     """
-    files, expected = _found(logs)
+    files, expected = _log_files(logs)
     paths = {os.path.abspath(path) for path in files}  # noqa: PTH100 - `resolve` would follow links: their names count
     if not paths:
         raise InputError(f"{logs}: no log found; expected {expected}")
@@ -271,7 +271,7 @@ def find_logs(logs: str | Path) -> tuple[str, list[str]]:
     return folder, sorted(PurePath(os.path.relpath(path, folder)).as_posix() for path in paths)
 
 
-def _found(logs: str | Path) -> tuple[Iterable[Path], str]:
+def _log_files(logs: str | Path) -> tuple[Iterable[Path], str]:
     """Return the files, and what was looked for."""
     given = Path(logs)
     if given.is_dir():

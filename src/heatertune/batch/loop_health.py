@@ -202,8 +202,8 @@ def _examined(settings: HealthSettings, sent: HealthTask) -> Row:
         row["log_taken"] = None if log.taken is None else log.taken.line
         with cache.cache_disabled():
             told = diagnose(_powered(log, loop, words), loop, *_before(sent.model))
-            cure = cure_words(told, loop, _asked(settings.request, loop, words))
-        return row | _told(told) | ({} if cure is None else _cure(cure))
+            cure = cure_words(told, loop, _cure_request(settings.request, loop, words))
+        return row | _diagnosis_row(told) | ({} if cure is None else _cure(cure))
     except HeatertuneError as problem:
         return row | {"outcome": "no log", "reason": str(problem)}
     except Exception as problem:  # one loop must not stop the others, whatever is wrong in the program
@@ -227,7 +227,7 @@ def _before(model: Mapping[str, Any] | None) -> tuple[FittedModel | None, float 
     return fitted, None if fitted.cooling is None else fitted.cooling.cooling_gain
 
 
-def _asked(request: DesignRequest, loop: LoopEntry, words: Words | None) -> DesignRequest | None:
+def _cure_request(request: DesignRequest, loop: LoopEntry, words: Words | None) -> DesignRequest | None:
     """Return what this loop's cure is designed for, None where nobody says for which controller."""
     target = loop.target or (None if words is None else words.target) or request.target
     if not target:
@@ -238,7 +238,7 @@ def _asked(request: DesignRequest, loop: LoopEntry, words: Words | None) -> Desi
     return replace(request, target=target, scaling=scaling)
 
 
-def _told(diagnosis: Diagnosis) -> Row:
+def _diagnosis_row(diagnosis: Diagnosis) -> Row:
     fitted = diagnosis.fitted_model
     return {
         "outcome": diagnosis.cause.label, "reason": diagnosis.faults[0].message if diagnosis.faults else None,

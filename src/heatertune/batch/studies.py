@@ -282,7 +282,7 @@ def study(
     files = _files(Path(path), cases)
     # refused before the long part, and a file may change before the study is resumed
     folder = Path(path).parent
-    specifications = {name: repr(in_force(_beside(folder, name))) for name in cases.settings_of("spec")}
+    specifications = {name: repr(in_force(_spec_path(folder, name))) for name in cases.settings_of("spec")}
     profiles = {name: repr(read_profile(folder / name)) for name in cases.settings_of("profile")}
     varied = [key for key in cases.keys if key in cases.grid or any(key in case for case in cases.listed)]
 
@@ -331,15 +331,15 @@ def _columns(cases: Study) -> tuple[TableColumn, ...]:
 
 
 def _name(settings: CaseSettings, varied: list[str]) -> str:
-    return ", ".join(f"{key} = {_told(settings[key])}" for key in varied if key in settings)
+    return ", ".join(f"{key} = {_value_text(settings[key])}" for key in varied if key in settings)
 
 
-def _told(value: Any) -> str:
+def _value_text(value: Any) -> str:
     return json.dumps(value, ensure_ascii=False) if isinstance(value, dict) else str(value)
 
 
 def _labelled(case: Case, row: Row) -> Row:
-    settings = {f"case_{key}": _told(value) if isinstance(value, dict) else value
+    settings = {f"case_{key}": _value_text(value) if isinstance(value, dict) else value
                 for key, value in case.settings.items()}
     return {"case": case.number + 1, **settings, **row}
 
@@ -349,7 +349,7 @@ def _row(folder: Path, case: Case) -> Row:
     settings = case.settings
     conditions = _of(Conditions, settings)
     if conditions.spec is not None:
-        conditions = replace(conditions, spec=_beside(folder, conditions.spec))
+        conditions = replace(conditions, spec=_spec_path(folder, conditions.spec))
     if conditions.profile is not None:
         conditions = replace(conditions, profile=str(folder / conditions.profile))
     asked = DesignRequest(
@@ -359,7 +359,7 @@ def _row(folder: Path, case: Case) -> Row:
     return _labelled(case, zone_row(case.name, partial(_heater, case), asked))
 
 
-def _beside(folder: Path, spec: str) -> str:
+def _spec_path(folder: Path, spec: str) -> str:
     """Return what to read a specification by: a file stands beside the study."""
     return str(folder / spec) if spec.endswith(".toml") else spec
 

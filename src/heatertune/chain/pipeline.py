@@ -262,7 +262,7 @@ class ChainResult:
         return self.proof._repr_html_()
 
 
-def _told(stage: str) -> str:
+def _stage_text(stage: str) -> str:
     return f"{_STAGES[stage][0]} ({list(_STAGES).index(stage) + 1} of {len(_STAGES)})"
 
 
@@ -297,12 +297,12 @@ def design(
         log = source if isinstance(source, Log) else read_log(source, read, errata=True)
         columns = [each for each in (log.temperature_degC, log.setpoint_degC) if each is not None]
         request = with_printer_range(_of_its_heater(request, log), max(float(np.max(each)) for each in columns))
-        progress(_told("fit"))
+        progress(_stage_text("fit"))
         fitted = fit(log, fitted_with, companions=True, progress=progress)
         fitted = for_setpoints(fitted, every_setpoint(fitted, request.conditions))
-        second.draw(_found(log, fitted), "log")
-        found = closed_on_samples(fitted, request, progress=progress, stage=lambda name: progress(_told(name)))
-        progress(_told("report"))
+        second.draw(_input_documents(log, fitted), "log")
+        found = closed_on_samples(fitted, request, progress=progress, stage=lambda name: progress(_stage_text(name)))
+        progress(_stage_text("report"))
         second.draw(_asked_of_libraries(fitted, found, request), OPINION)
         files, documents = _shown(log, fitted, found, force, second)
         proof = as_exported(found.proof)  # while the pictures are drawn
@@ -425,7 +425,7 @@ def _without_comparison(
     search: Document | None, recipe: DesignProvenance | None, second: Worker,
 ) -> dict[str, dict[str, Any]]:
     """Return the documents without the comparison, whose pictures are still being drawn."""
-    documents = _found(log, fitted) | {
+    documents = _input_documents(log, fitted) | {
         "pid": pid_document.to_document(ideal, fitted, recipe),
         "words": words_document(proof.words, proof, files, search),
         "proof": proof.to_document(),
@@ -453,7 +453,7 @@ def _with_comparison(
     return compared
 
 
-def _found(log: Log, fitted: FittedModel) -> dict[str, dict[str, Any]]:
+def _input_documents(log: Log, fitted: FittedModel) -> dict[str, dict[str, Any]]:
     """Return the documents of a log and of the heater behind it."""
     return {"log": log_document(log), "model": model_document.to_document(fitted)}
 

@@ -99,7 +99,7 @@ def fit_together(
         raise InputError("no logs: expected a list of one log or more")
     given = merge_options(FitSettings, settings, changed)
     laws = () if any(log.power_pct is not None for log in logs) else _laws()
-    return _kept(
+    return _cached_fit(
         "fit-together", {"logs": [_columns(log) for log in logs], **asdict(given)},
         lambda: fit_logs(logs, given, laws=laws, progress=progress), progress,
     )
@@ -142,7 +142,7 @@ def fit_known(
         fitted = fit_log_known(log, tried, given, setpoint_degC=setpoint_degC, progress=progress)
         return replace(fitted, notes=(*fitted.notes, closed_again(log, fitted, tried, setpoint_degC)))
 
-    return _kept("fit-known", inputs, run, progress)
+    return _cached_fit("fit-known", inputs, run, progress)
 
 
 def _log(data: Any, read: ReadSettings | None, options: Keywords) -> Log:
@@ -165,7 +165,7 @@ def _fit_one(log: Log, settings: FitSettings, progress: ProgressCallback, *, tho
         laws = _laws() if log.power_pct is None else ()
         return fit_log(log, settings, laws=laws, thorough=thorough, progress=progress)
 
-    return _kept("fit", _columns(log) | asdict(settings) | {"thorough": thorough}, run, progress)
+    return _cached_fit("fit", _columns(log) | asdict(settings) | {"thorough": thorough}, run, progress)
 
 
 def _columns(log: Log) -> dict[str, Any]:
@@ -178,7 +178,7 @@ def _columns(log: Log) -> dict[str, Any]:
             "taken": taken} | signals
 
 
-def _kept(stage: str, inputs: Mapping[str, Any], run: Callable[[], FittedModel],
+def _cached_fit(stage: str, inputs: Mapping[str, Any], run: Callable[[], FittedModel],
           progress: ProgressCallback) -> FittedModel:
     """Return the cached result for the same inputs, or that of `run`."""
     return cache.load_or_compute(stage, inputs, lambda: model_document.to_document(run()), model_document.from_document,

@@ -473,7 +473,7 @@ def by_hand(settings: argparse.Namespace) -> bool:
     return any(getattr(settings, name, None) is not None for name in ("gain", "time_constant", "dead_time"))
 
 
-def _given(settings: argparse.Namespace, *names: str) -> dict[str, Any]:
+def _options_set(settings: argparse.Namespace, *names: str) -> dict[str, Any]:
     return {name: getattr(settings, name) for name in names if getattr(settings, name) is not None}
 
 
@@ -501,7 +501,7 @@ def model_from(settings: argparse.Namespace, path: str | None) -> FittedModel:
     from heatertune.model.two_scales import heater_of_numbers
 
     names = ("gain", "time_constant", "dead_time")
-    numbers = _given(settings, *names)
+    numbers = _options_set(settings, *names)
     if path is not None and numbers:
         raise InputError("name a model file or --gain, --time-constant, --dead-time, not both")
     if path is not None:

@@ -126,7 +126,7 @@ def _run_targets(settings: argparse.Namespace) -> int:
         ],
     }
     overview = "\n".join(f"{group}: {', '.join(names)}" for group, names in plc.GROUPS.items())
-    printing.output(settings, document, lambda: "\n\n".join([overview, *map(_told, document["targets"])]))
+    printing.output(settings, document, lambda: "\n\n".join([overview, *map(_target_text, document["targets"])]))
     return 0
 
 
@@ -134,7 +134,7 @@ def _times(timer: Timer) -> dict[str, float]:
     return {"shortest": timer.shortest_s, "longest": timer.longest_s, "step": timer.step_s}
 
 
-def _told(target: Any) -> str:
+def _target_text(target: Any) -> str:
     times = target["sample_time_s"]
     lines = [
         f"{target['name']}: {target['title']}",

@@ -238,7 +238,7 @@ def in_force(settings: argparse.Namespace, origin: DesignProvenance | None, wher
         recipe = replace(recipe, setpoint_ramp=None)
     if options.of(WordSettings, settings).boost == "none":
         recipe = replace(recipe, boost=None)
-    return recipe, [*foreign, *_told(origin, recipe, where)]
+    return recipe, [*foreign, *_origin_lines(origin, recipe, where)]
 
 
 def _of(origin: DesignProvenance, target: str, where: str, sensor: Mapping[str, Any]) -> tuple[DesignProvenance,
@@ -278,7 +278,7 @@ def _name(limit: str) -> str:
     return limit.partition("=")[0].strip()
 
 
-def _told(origin: DesignProvenance, recipe: DesignProvenance, where: str) -> Iterator[str]:
+def _origin_lines(origin: DesignProvenance, recipe: DesignProvenance, where: str) -> Iterator[str]:
     """Return what is taken from the file, and what of it is not."""
     said, heard = list(_parts(origin)), list(_parts(recipe))
     if taken := [part for part in heard if part in said]:

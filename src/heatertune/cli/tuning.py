@@ -129,7 +129,7 @@ def _run_tune(settings: argparse.Namespace) -> int:
     from heatertune.proof.verdict import verdict_line
 
     fitted, progress = common.model_from(settings, settings.model), printing.Progress(settings)
-    proven = _closed(settings, fitted, progress)
+    proven = _result_of(settings, fitted, progress)
     design = _plain(settings, fitted, progress) if proven is None else replace(
         proven.ideal, notes=(*proven.ideal.notes, *proven.notes))
     loop = fitted if settings.target is None else loop_fit(fitted, common.target(settings), common.scaling(settings))
@@ -153,7 +153,7 @@ def _run_tune(settings: argparse.Namespace) -> int:
     return 0 if proven is None or proven.proof.verdict == "PASS" else 1
 
 
-def _closed(settings: argparse.Namespace, fitted: FittedModel, progress: printing.Progress) -> DesignResult | None:
+def _result_of(settings: argparse.Namespace, fitted: FittedModel, progress: printing.Progress) -> DesignResult | None:
     """Return the design closed on the verdict of its words, None where no proof is asked for or can be made."""
     from heatertune.proof.redesign import find_passing_design
 

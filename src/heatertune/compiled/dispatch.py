@@ -246,15 +246,15 @@ class _MachineCode:
 
     def _direct(self, kinds: Kinds, arguments: Sequence[Any]) -> Callable[[tuple[Any, ...]], Any] | None:
         """Return what runs it as machine code, None where Numba calls it in a way that the loader does not know."""
-        if (kept := self._kept(kinds)) is None:
+        if (kept := self._stored_code(kinds)) is None:
             with _compile_in_turn(None if self._place is None else self._place / self._name(kinds)):
-                if (kept := self._kept(kinds)) is None:
+                if (kept := self._stored_code(kinds)) is None:
                     self.made += 1
                     return self._compiled(kinds, arguments)
         self.found += 1
         return kept
 
-    def _kept(self, kinds: Kinds) -> Callable[[tuple[Any, ...]], Any] | None:
+    def _stored_code(self, kinds: Kinds) -> Callable[[tuple[Any, ...]], Any] | None:
         """Return what is on disk, None where it is not or is torn."""
         with suppress(OSError, ValueError):
             return None if self._place is None else entry(

@@ -566,7 +566,7 @@ class _Hand:
             self._new(so_far.last)
         if self.ended is None and self._whole.has_dead_man:
             self._beats = (self._beats + 1) % 65536
-            self._asked().write(OWN, OWN_CELLS["heartbeat"][0], self._beats.to_bytes(2, "big"))
+            self._connection().write(OWN, OWN_CELLS["heartbeat"][0], self._beats.to_bytes(2, "big"))
 
     def _new(self, look: Snapshot) -> None:
         """Act on a new reading."""
@@ -594,14 +594,14 @@ class _Hand:
             return ""
         return self._still.see(after_s, degC, self._power)
 
-    def _asked(self) -> Client:
+    def _connection(self) -> Client:
         if self._client is None:
             self._client = self._whole.mode.open_client()
         return self._client
 
     def _set(self, power: float) -> None:
         """Put a power, where what stands there is what was put before; nobody else's change is undone."""
-        mode, client = self._whole.mode, self._asked()
+        mode, client = self._whole.mode, self._connection()
         if (found := mode.cells(client)) != self._put:
             self.end("hand", "somebody else has changed the mode or the manual value, or the PLC's dead man has"
                      if is_number(found, mode.real) else "the manual value in the PLC is not a number")

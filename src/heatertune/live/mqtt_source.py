@@ -78,7 +78,7 @@ class MqttSource(ClosesOnExit):
         answers: list[Any] = []
         client.on_connect = lambda _client, _data, _flags, reason, _properties: answers.append([reason])
         client.on_subscribe = lambda _client, _data, _number, reasons, _properties: answers.append(reasons)
-        client.on_message = lambda _client, _data, message: self._heard(message)
+        client.on_message = lambda _client, _data, message: self._take_message(message)
         try:
             client.connect(self._address.host, self._address.port, keepalive=_KEEP_ALIVE_S)
             self._await(client, answers, "the connection")
@@ -104,7 +104,7 @@ class MqttSource(ClosesOnExit):
             raise LinkDown(f"{self._address.text}: the broker refuses {what}: {', '.join(refused)}"
                            + ("" if self._address.user else f"; does it want a user? mqtt://USER@HOST, and {PASSWORD}"))
 
-    def _heard(self, message: Any) -> None:
+    def _take_message(self, message: Any) -> None:
         """Take a message of one of the topics."""
         for role, topic in self._topics.items():
             if topic.topic == message.topic and not (message.retain and role == "temperature"):

@@ -545,9 +545,9 @@ class VirtualPlc:
 
     def run_loop(self) -> None:
         """Run all intervals."""
-        run_plainly(served_core(self._plan.loop.core), self._given())
+        run_plainly(served_core(self._plan.loop.core), self._kernel_arguments())
 
-    def _given(self) -> tuple[Any, ...]:
+    def _kernel_arguments(self) -> tuple[Any, ...]:
         """Return all arguments of `heatertune.proof.kernel.run_all`."""
         plan = self._plan
         times, kinds, values = ([column] for column in plan.events)

@@ -99,7 +99,7 @@ class FaultyLink:
             return
         pair = _Pair(client, socket.create_connection(self._server))
         self._pairs.append(pair)
-        for source, act in ((client, self._asked), (pair.server, self._answered)):
+        for source, act in ((client, self._forward_request), (pair.server, self._forward_reply)):
             source.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             self._selector.register(source, EVENT_READ, _with(act, pair))
 
@@ -110,12 +110,12 @@ class FaultyLink:
                 self._selector.unregister(one)
             pair.close()
 
-    def _asked(self, pair: _Pair) -> None:
+    def _forward_request(self, pair: _Pair) -> None:
         request = self._received(pair, pair.client)
         if request and self._plc.link("black-hole") is None:
             self._sent(pair, pair.server, request)
 
-    def _answered(self, pair: _Pair) -> None:
+    def _forward_reply(self, pair: _Pair) -> None:
         reply = self._received(pair, pair.server)
         if not reply or any(self._plc.link(name) is not None for name in ("black-hole", "lost-reply", "late-request")):
             return

@@ -200,7 +200,7 @@ class Ob251Block:
             self._asked = setpoint
         _ONE.pack_into(cells, _X, int(reading))
         if cells[_BEGIN:] != self._kept:
-            state = _found(cells, state, self._kept)
+            state = _state_in_cells(cells, state, self._kept)
         w, z, xz = (_ONE.unpack_from(cells, place)[0] for place in (_W, _Z, _XZ))
         parameters = self._parameters_in(cells), self._assume
         after, power, output, flags = scan(parameters, state, {"W": w, "X": int(reading), "Z": z, "XZ": xz})
@@ -249,7 +249,7 @@ def _keep(cells: bytearray, state: Ob251State) -> None:
         cells[place : place + 2] = content
 
 
-def _found(cells: bytearray, state: Ob251State, content: bytes) -> Ob251State:
+def _state_in_cells(cells: bytearray, state: Ob251State, content: bytes) -> Ob251State:
     """Return the state as the cells have it, where somebody has written to them since; inputs are none of it."""
     now = bytearray(cells[_BEGIN:])
     for place in (_X, _Z, _XZ):

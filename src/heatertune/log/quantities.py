@@ -574,7 +574,7 @@ def join_decimals(file: Path, rows: Grid, stated: str | None, repairs: list[str]
     elif width > 2 * len(names) or len(names) > _MOST_COLUMNS:
         return
     else:
-        columns = _found(file, sample, len(names), width)
+        columns = _smoothest_join(file, sample, len(names), width)
     if not columns:
         return
     number = width - len(columns)
@@ -611,7 +611,7 @@ def _stated(file: Path, stated: str, names: Sequence[str] | None) -> tuple[int, 
     return tuple(sorted(columns))
 
 
-def _found(file: Path, sample: Sequence[Sequence[str]], count: int, width: int) -> tuple[int, ...]:
+def _smoothest_join(file: Path, sample: Sequence[Sequence[str]], count: int, width: int) -> tuple[int, ...]:
     """Return the columns whose joining makes the smoothest numbers, empty if none makes numbers."""
     rough = {}
     for columns in combinations(range(count), width - count):

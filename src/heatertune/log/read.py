@@ -569,7 +569,7 @@ def _setpoint(sheet: Sheet, columns: Columns, unit: str, scale: float, repairs: 
     """
     if role not in columns.index:
         return None, 0
-    raw, filled = _held(sheet, columns, role, repairs)
+    raw, filled = _filled_column(sheet, columns, role, repairs)
     if filled == len(raw):
         repairs.append(f"The column of the {role} is empty; no {role} was read.")
         return None, 0
@@ -599,7 +599,7 @@ def _with_cooling(sheet: Sheet, columns: Columns, power: LogSignal | None, repai
     switched = on_or_off(sheet.columns[columns.index["cooling"]])
     named = columns.unit("cooling")
     full = 1.0 if switched is not None else float(named) if named else power.full_scale
-    values = switched if switched is not None else _held(sheet, columns, "cooling", repairs)[0]
+    values = switched if switched is not None else _filled_column(sheet, columns, "cooling", repairs)[0]
     other = "--cooling-column none --disturbance-column " + quoted(columns.names["cooling"])
     for wrong, problem, expected in (
         ((values < 0.0) | (values > full), "power of the cooler out of range:",
@@ -625,14 +625,14 @@ def _disturbance(sheet: Sheet, columns: Columns, repairs: list[str]) -> tuple[Lo
     if switched is not None:
         repairs.append("The disturbance is on or off; taken as 1 and 0.")
         return LogSignal(switched), 0
-    values, filled = _held(sheet, columns, "disturbance", repairs)
+    values, filled = _filled_column(sheet, columns, "disturbance", repairs)
     if filled == len(values):
         raise LogError("the column of the disturbance is empty", file=sheet.file,
                        column=columns.names["disturbance"], expected="numbers, or on and off in every row")
     return LogSignal(values), filled
 
 
-def _held(sheet: Sheet, columns: Columns, role: str, repairs: list[str]) -> tuple[Array, int]:
+def _filled_column(sheet: Sheet, columns: Columns, role: str, repairs: list[str]) -> tuple[Array, int]:
     """Return a column, its empty cells holding the last value, those before the first that one; and how many."""
     raw = numbers(sheet, columns, role, holes=True)
     written = np.flatnonzero(~np.isnan(raw))

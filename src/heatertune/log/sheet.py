@@ -132,7 +132,7 @@ class CellColumn(Sequence[str]):
 
     def where(self, holds: Callable[[str], bool]) -> Mask:
         """Return the cells that fulfil a condition, shape (n,)."""
-        return self._each(holds, np.bool_)
+        return self._values_of(holds, np.bool_)
 
     def numbers(self, value: Callable[[str], float]) -> Array:
         """Return a number for each cell, shape (n,).
@@ -140,14 +140,14 @@ class CellColumn(Sequence[str]):
         Raises:
             ValueError: as `value`.
         """
-        return self._each(value, np.float64)
+        return self._values_of(value, np.float64)
 
     def floats(self) -> Array | None:
         """Return the numbers that Python reads in the cells, shape (n,); None if a cell holds none."""
         if self.holds("_"):  # Python reads 1_000, a log does not
             return None
         try:
-            return self._each(float, np.float64)
+            return self._values_of(float, np.float64)
         except ValueError:
             return None
 
@@ -176,7 +176,7 @@ class CellColumn(Sequence[str]):
         assert self._codes is not None
         return np.flatnonzero(np.bincount(self._codes, minlength=1)).tolist()
 
-    def _each(self, value: Callable[[str], object], kind: type[np.bool_ | np.float64]) -> npt.NDArray[Any]:
+    def _values_of(self, value: Callable[[str], object], kind: type[np.bool_ | np.float64]) -> npt.NDArray[Any]:
         if self._codes is None:
             return np.fromiter(map(value, self._texts), dtype=kind, count=len(self))
         used = self._used()

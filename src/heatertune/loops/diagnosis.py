@@ -309,7 +309,7 @@ def diagnose(
         worse=worse, swings=swung, switchings_per_h=switchings_per_h(log, period), pwm_period_s=period,
         longer_period_s=_longer(loop, fitted, course, period), switch_ticks=cleared and cleared.ticks,
         cooling=cooling, faults=())
-    return replace(result, faults=tuple(_still(log)) or tuple(_found(result, loop, before, cooling_before)))
+    return replace(result, faults=tuple(_still(log)) or tuple(_faults(result, loop, before, cooling_before)))
 
 
 def _one_power(log: Log, loop: LoopEntry) -> tuple[Log, CoolerGain | None]:
@@ -394,7 +394,7 @@ def _longer(loop: LoopEntry, fitted: FittedModel | None, course: RegularLog, per
     return max(shortest, float(math.floor(found.period_s)))
 
 
-def _found(
+def _faults(
     diagnosis: Diagnosis, loop: LoopEntry, before: FittedModel | None, cooling_before: float | None
 ) -> Iterator[LoopFault]:
     """Yield what is wrong, the cause before what follows from it."""
@@ -521,13 +521,13 @@ def cure_words(diagnosis: Diagnosis, loop: LoopEntry, request: DesignRequest | N
         return Cure(words=None, verdict="", reason="name the controller: --target, or target in the list")
     try:
         with cache.cache_disabled():
-            done = find_passing_design(diagnosis.fitted_model, _asked(diagnosis, loop, request))
+            done = find_passing_design(diagnosis.fitted_model, _request_for(diagnosis, loop, request))
     except HeatertuneError as problem:
         return Cure(words=None, verdict="", reason=str(problem))
     return _lived(diagnosis, diagnosis.fitted_model, done)
 
 
-def _asked(diagnosis: Diagnosis, loop: LoopEntry, request: DesignRequest) -> DesignRequest:
+def _request_for(diagnosis: Diagnosis, loop: LoopEntry, request: DesignRequest) -> DesignRequest:
     """Return what is asked for, with what is known of the loop in the place of what nobody said."""
     conditions = request.conditions
     if conditions.setpoint_degC is None:

@@ -77,7 +77,7 @@ def sample_plant(model: HeaterModel, sample_time_s: float, *, computing_delay_s:
     rest = np.exp(-(sample_time_s - late) / lags)
     gains = model.gain_degC_per_pct * shares
     return SampledPlant(
-        poles=_kept(whole), now=_kept(gains * (1.0 - rest)), before=_kept(gains * (rest - whole)), delay=delay,
+        poles=_lock(whole), now=_lock(gains * (1.0 - rest)), before=_lock(gains * (rest - whole)), delay=delay,
         sample_time_s=sample_time_s,
     )
 
@@ -109,22 +109,22 @@ def part_responses(omega: Array, sample_time_s: float, derivative_filter: float)
 @lru_cache(maxsize=_KEPT)
 def plant_at(model: HeaterModel, sample_time_s: float, slowest_s: float, n: int = 1500) -> Complex:
     """Return the plant's pulse transfer function [°C/%] at `frequencies`, shape (n,)."""
-    return _kept(sample_plant(model, sample_time_s).frequency_response(frequencies(sample_time_s, slowest_s, n)))
+    return _lock(sample_plant(model, sample_time_s).frequency_response(frequencies(sample_time_s, slowest_s, n)))
 
 
 @lru_cache(maxsize=_KEPT)
 def parts_at(derivative_filter: float, sample_time_s: float, slowest_s: float, n: int = 1500) -> Complex:
     """Return `part_responses` at `frequencies`, shape (3, n)."""
-    return _kept(part_responses(frequencies(sample_time_s, slowest_s, n), sample_time_s, derivative_filter))
+    return _lock(part_responses(frequencies(sample_time_s, slowest_s, n), sample_time_s, derivative_filter))
 
 
 @lru_cache(maxsize=_KEPT)
 def frequencies(sample_time_s: float, slowest_s: float, n: int = 1500) -> Array:
     """Return frequencies from far below 1/`slowest_s` up to half the sampling frequency, shape (n,) [rad/s]."""
-    return _kept(np.geomspace(min(1e-3 / slowest_s, 1e-2 * math.pi / sample_time_s), math.pi / sample_time_s, n))
+    return _lock(np.geomspace(min(1e-3 / slowest_s, 1e-2 * math.pi / sample_time_s), math.pi / sample_time_s, n))
 
 
-def _kept(array: _Numbers) -> _Numbers:
+def _lock(array: _Numbers) -> _Numbers:
     array.flags.writeable = False
     return array
 

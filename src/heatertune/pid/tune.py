@@ -245,10 +245,10 @@ def _explained(problem: Problem, design: PidDesign) -> list[str]:
         other = replace(problem, ms=specs.ms, mt=specs.mt, mks=specs.mks)
         return other.cost(search(other))
 
-    return explain(problem.specs, peaks, problem.cost(design), solve, _held(problem, design))
+    return explain(problem.specs, peaks, problem.cost(design), solve, _other_restrictions(problem, design))
 
 
-def _held(problem: Problem, design: PidDesign) -> list[str]:
+def _other_restrictions(problem: Problem, design: PidDesign) -> list[str]:
     """Return other restrictions of K than the limits, one sentence each."""
     almost, most = 1.0 - 10.0 * ROOM, problem.most_gain(design)
     sentences = []

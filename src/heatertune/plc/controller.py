@@ -469,11 +469,11 @@ def controller_for(target: str) -> Controller:
         import_module(f"{NAMES[target]}.controller")
     if target not in _CLASSES:
         raise UnknownName("target", target, NAMES | _CLASSES)
-    return _made(_CLASSES[target])
+    return _instance(_CLASSES[target])
 
 
 @cache
-def _made(kind: type[Controller]) -> Controller:
+def _instance(kind: type[Controller]) -> Controller:
     return kind()
 
 

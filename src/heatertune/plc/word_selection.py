@@ -215,7 +215,7 @@ def _choice(
     }
 
     progress(f"searching the integers of {target}")
-    best = cache.load_or_compute("words", inputs, lambda: asdict(_search(rounded, fitted, wished.ms, design)), _kept,
+    best = cache.load_or_compute("words", inputs, lambda: asdict(_search(rounded, fitted, wished.ms, design)), _optimum,
                         progress=progress)
     if best.words is None:
         also = "" if design.promise is None else " and the limits on the sampled heaters"
@@ -224,7 +224,7 @@ def _choice(
     return _chosen(rounded, best, fitted, design, wished)
 
 
-def _kept(document: Mapping[str, Any]) -> IntegerOptimum:
+def _optimum(document: Mapping[str, Any]) -> IntegerOptimum:
     words = document["words"]
     return IntegerOptimum(**{**document, "words": None if words is None else tuple(words)})
 

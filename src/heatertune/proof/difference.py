@@ -218,9 +218,9 @@ def read_sides(first: str | Path, second: str | Path, declared: DeclaredWords) -
     """
     a, b = (_document(Path(path), declared.target) for path in (first, second))
     if a is None and b is None and _is_json(Path(second)):  # a design tells its interval, a dump does not
-        b = _made(str(second), declared, None)
-    a = _made(str(first), declared, b) if a is None else a
-    return a, _made(str(second), declared, a) if b is None else b
+        b = _side_of(str(second), declared, None)
+    a = _side_of(str(first), declared, b) if a is None else a
+    return a, _side_of(str(second), declared, a) if b is None else b
 
 
 def _document(path: Path, target: str | None) -> Side | None:
@@ -257,7 +257,7 @@ def _proof_beside(file: Path, document: Document) -> tuple[Document | None, tupl
     return proof, ()
 
 
-def _made(path: str, declared: DeclaredWords, opposite: Side | None) -> Side:
+def _side_of(path: str, declared: DeclaredWords, opposite: Side | None) -> Side:
     """Return words that a design becomes or a machine holds."""
     return _designed(path, declared, opposite) if _is_json(Path(path)) else _dumped(path, declared, opposite)
 
@@ -328,7 +328,7 @@ def difference(a: Side, b: Side) -> dict[str, Any]:
     around = ["program around the words"] if a.is_changed or b.is_changed else []
     around += [name for name, one, two in _around(a, b) if one != two]
     return {
-        "schema": DIFF_SCHEMA, "a": _told(a), "b": _told(b),
+        "schema": DIFF_SCHEMA, "a": _side_document(a), "b": _side_document(b),
         "same": not around and not [word for word in words if not word["written"]],
         "terms": [term._asdict() | {"change_pct": _change_pct(term)} for term in terms], "around": around,
         "words": words, "odd_in_a_alone": [sentence for sentence in _odd(a) if sentence not in odd[1]],
@@ -338,7 +338,7 @@ def difference(a: Side, b: Side) -> dict[str, Any]:
     }
 
 
-def _told(side: Side) -> dict[str, Any]:
+def _side_document(side: Side) -> dict[str, Any]:
     return {
         "source": side.source, "kind": side.kind, "target": side.words.target, "input": side.words.scaling.input,
         "verdict": None if side.proof is None else side.proof["verdict"],

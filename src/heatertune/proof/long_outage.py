@@ -413,7 +413,7 @@ def nights_of(
 def _restarted(scenario: Scenario, warm_s: Sequence[float]) -> Iterator[LongOutage]:
     if (back := _restart_in(scenario)) is not None:
         told = f"Where the controller is restarted after {_minutes(warm_s)} without supply"
-        yield LongOutage(WARM, _each(scenario, back, warm_s), told,
+        yield LongOutage(WARM, _scenario_of(scenario, back, warm_s), told,
                          "; the limit is kept where the heater is hot, or cold")
 
 
@@ -455,7 +455,7 @@ def _opened(
         yield _at_lower_setpoints(scenario, number, lengths_s, models)
     if brief_s and scenario.rests_s:
         told = f"After {_minutes(brief_s)} with an open circuit"
-        yield LongOutage(BRIEF, _each(scenario, number, brief_s), told, "; the limit is kept after a longer one")
+        yield LongOutage(BRIEF, _scenario_of(scenario, number, brief_s), told, "; the limit is kept after a longer one")
 
 
 def _under_load(scenario: Scenario, number: int, lengths_s: OutageLengths, again: str) -> Iterator[LongOutage]:
@@ -588,7 +588,7 @@ def _cold_at_lower_setpoints(
                       f"; {_KEPT_AT_HIGHEST}")
 
 
-def _each(scenario: Scenario, number: int, lengths_s: Iterable[float]) -> Scenario:
+def _scenario_of(scenario: Scenario, number: int, lengths_s: Iterable[float]) -> Scenario:
     """Return the heat-up and then, of each length [s], what begins with an event and ends with the next one.
 
     Where only the overshoot counts, a share of the rest after it is enough.

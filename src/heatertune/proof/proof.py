@@ -113,10 +113,10 @@ def draw_noise(first: tuple[Criterion, ...], again: Again, *, seed: int, scans: 
     broken = sum(not all(one.ok for one in criteria) for criteria in draws.values())
     worst = max(draws, key=lambda entry: sorted((criterion.strain for criterion in draws[entry]), reverse=True))
     return NoiseDraws(criteria=tuple(worst_of(same) for same in zip(*draws.values(), strict=True)), seed=worst,
-                 summary=_told(noise_degC, len(draws), broken))
+                 summary=_noise_text(noise_degC, len(draws), broken))
 
 
-def _told(noise_degC: float, draws: int, broken: int) -> str:
+def _noise_text(noise_degC: float, draws: int, broken: int) -> str:
     noise = f"noise of {noise_degC:.3g} °C"
     if broken:
         return f"{noise}: {broken} of {draws} draws break a limit on the run nearest to one"

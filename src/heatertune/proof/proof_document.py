@@ -290,12 +290,12 @@ class SamplesView:
             raise DocumentError(f"count: {self.count}; no samples prove nothing")
         if not 0.0 < self.quantile <= 1.0:
             raise DocumentError(f"quantile: {self.quantile:g}; expected a share > 0 and <= 1")
-        if not self._kept:
+        if not self._passing_counts:
             raise DocumentError("settings: none; a proof needs at least one run")
-        if not 0 <= min(self._kept) <= max(self._kept) <= self.count:
+        if not 0 <= min(self._passing_counts) <= max(self._passing_counts) <= self.count:
             raise DocumentError(f"settings: passing_count: expected numbers from 0 to {self.count}")
-        if self.passing != min(self._kept) / self.count:
-            raise DocumentError(f"passing: {self.passing:g}; under the worst setting {min(self._kept)} of "
+        if self.passing != min(self._passing_counts) / self.count:
+            raise DocumentError(f"passing: {self.passing:g}; under the worst setting {min(self._passing_counts)} of "
                                 f"{self.count} pass")
         if self.verdict != self.derived:
             raise DocumentError(f"verdict: {self.verdict!r}; its values make it {self.derived!r}")
@@ -303,10 +303,10 @@ class SamplesView:
     @property
     def derived(self) -> str:
         """The verdict that follows from the values."""
-        return verdict_of_samples(self.count, self.quantile, self._kept)
+        return verdict_of_samples(self.count, self.quantile, self._passing_counts)
 
     @property
-    def _kept(self) -> list[int]:
+    def _passing_counts(self) -> list[int]:
         return [setting.passing_count for setting in self.settings]
 
 

@@ -388,9 +388,9 @@ class Runs:
     def judge(self, trace: Trace, run: int) -> _Judged:
         """Return the criteria of a run from its trace."""
         label = self.label(run)
-        return self._held(tuple(replace(criterion, where=label) for criterion in trace.criteria))
+        return self._at_power(tuple(replace(criterion, where=label) for criterion in trace.criteria))
 
-    def _held(self, criteria: _Judged) -> _Judged:
+    def _at_power(self, criteria: _Judged) -> _Judged:
         """Return the criteria that hold at the power of these runs."""
         if self.mains_power is None:
             return criteria
@@ -457,7 +457,7 @@ class Runs:
         back = dict(zip(once, np.argsort(np.concatenate([part.places for part in parts])), strict=True))
         columns = columns_of(reorder(join_tables(measured), np.array([back[key] for key in keys])), self.limits)
         labels = [self.label(run) for run in runs]
-        return [self._held(criteria) for criteria in zip(*(column.criteria(labels) for column in columns), strict=True)]
+        return [self._at_power(each) for each in zip(*(column.criteria(labels) for column in columns), strict=True)]
 
     def _shown(self, run: int) -> frozenset[tuple[str, str]]:
         """Return what a run shows of its setting: runs of one heater that show the same are the same, bit for bit."""

@@ -156,7 +156,7 @@ def _ramped(
     ramped = _cheapest(search, broken)
     if ramped is None:
         return plain, ["No setpoint ramp that ends half way to the disturbance keeps the limit on overshoot."]
-    price = _told(plain, ramped)
+    price = _price_text(plain, ramped)
     if ramp != "auto":
         failed, fail = " and the ".join(sorted(broken)).replace("_", " "), "fails" if len(broken) == 1 else "fail"
         return plain, [f"Only the {failed} {fail}. --setpoint-ramp auto would mend it: with {price}"]
@@ -228,7 +228,7 @@ def _why_none(plain: Proof, broken: list[str], *, ramped: bool) -> str:
     return f"No setpoint ramp was looked for: it mends nothing but overshoot, and {', '.join(broken)} fails."
 
 
-def _told(plain: Proof, ramped: Proof) -> str:
+def _price_text(plain: Proof, ramped: Proof) -> str:
     def change(name: str, unit: str) -> str:
         return f"from {written(_value(plain, name))} to {written(_value(ramped, name))} {unit}"
 

@@ -345,7 +345,7 @@ def relaxed_limits(spec: Specification, rise_degC: float) -> tuple[str, ...]:
         rise_degC: from ambient to the setpoint [°C].
     """
     usual = preset(spec.base or (spec.name if spec.name in PRESETS else GENERAL))
-    limits = [_told(name, own, values) for name, values in usual.limits.items()
+    limits = [_limit_text(name, own, values) for name, values in usual.limits.items()
               if any(_asks_less(name, own := spec.limits.get(name, ()), value, rise_degC) for value in values)]
     mild, hard = spec.story_at(None), usual.story_at(None)
     parts = [f"{name} {_part_told(part, mild)} (default {_part_told(part, hard)})" for name, part in STORY.items()
@@ -385,7 +385,7 @@ def _is_milder(own: float | bool, usual: float | bool, *, inverted: bool) -> boo
     return own > usual if inverted else own < usual
 
 
-def _told(name: str, own: Sequence[str], usual: Sequence[str]) -> str:
+def _limit_text(name: str, own: Sequence[str], usual: Sequence[str]) -> str:
     def text(values: Sequence[str]) -> str:
         pairs = (quantity(name, value) for value in values)
         return " and ".join(f"{number:.6g} {unit}".strip() for number, unit in pairs).replace("degC", "°C") or NOTHING

@@ -202,7 +202,7 @@ class _Comparison:
         self._loop = in_loop(controller, words, trace.scenario.setpoints_degC, trace.switches)
         begins = [0.0, *(event.time_s for event in trace.scenario.disturbances)]
         self._phases = np.searchsorted(begins, trace.time_s[:_MOST_CALLS], "right") - 1
-        self._calls = self._seen(controller)
+        self._calls = self._call_record(controller)
         self._powers: dict[Number, float] = {}  # output asked for → power [%]
         self._not_run: list[str] = []
 
@@ -210,7 +210,7 @@ class _Comparison:
         departs = self._of_calls() or (None if pulses else self._of_ticks()) or self._of_pulses(pulses)
         return ComparisonResult(departs, tuple(self._not_run))
 
-    def _seen(self, controller: Controller) -> _CallRecord:
+    def _call_record(self, controller: Controller) -> _CallRecord:
         trace, scale, some = self._trace, self._words.scaling, slice(_MOST_CALLS)
         readings = trace.reading_degC[some]
         counts = np.rint((readings - scale.low_degC) * (controller.sensor(scale).counts / scale.span_degC)).astype(int)
@@ -244,7 +244,7 @@ class _Comparison:
             setpoint, output, power = called = call(asked, counts, reading)
             powers[output] = power
             if zero + unit * setpoint != followed or power != proven:
-                return self._other(seen, called)
+                return self._difference_of(seen, called)
         return None
 
     def _of_ticks(self) -> str | None:
@@ -286,7 +286,7 @@ class _Comparison:
             time_s, asked, counts, reading, followed, power = each
             made, on = text.tick(asked, counts, reading)
             if zero + unit * made.setpoint != followed or made.power_pct != power:
-                return self._other(each, made)
+                return self._difference_of(each, made)
             if on is not None and on != wanted:
                 return self._switched(time_s, tick)
         return None
@@ -306,9 +306,9 @@ class _Comparison:
         first = int(np.argmax(other))
         call, = record.some(slice(first, first + 1)).one_by_one()
         called = CallResult(*(each[first].item() for each in (outputs.setpoints, outputs.outputs, outputs.powers_pct)))
-        return self._other(call, called) or self._switched(call.time_s, int(ticks[first]))
+        return self._difference_of(call, called) or self._switched(call.time_s, int(ticks[first]))
 
-    def _other(self, call: _Call, result: CallResult) -> str | None:
+    def _difference_of(self, call: _Call, result: CallResult) -> str | None:
         """Return what the program follows or asks for other than the run at this call."""
         followed = self._loop.zero_degC + self._loop.unit_degC * result.setpoint
         if (followed, result.power_pct) == (call.followed_degC, call.power_pct):
@@ -382,11 +382,11 @@ def _at_ends(powers: Mapping[Number, float], actuator: Actuator) -> dict[Number,
         return {}
     if isinstance(output, int):
         full = round(100.0 * output / power)
-        return {end: 100.0 * end / full for end in _beside(pulse_ends(actuator, lambda at: 100.0 * at / full, full))}
-    return {real: real for real in map(real_of, _beside(pulse_ends(actuator, real_of, word_of(100.0))))}
+        return {end: 100.0 * end / full for end in _around(pulse_ends(actuator, lambda at: 100.0 * at / full, full))}
+    return {real: real for real in map(real_of, _around(pulse_ends(actuator, real_of, word_of(100.0))))}
 
 
-def _beside(ends: tuple[int, int]) -> list[int]:
+def _around(ends: tuple[int, int]) -> list[int]:
     least, most = ends
     return [least - 1, least, most, most + 1]
 

@@ -81,7 +81,7 @@ def _row(number: int, loop: Loop, *, compared: bool) -> str:
         _cell(str(number)), _cell(loop["name"], kind="cause"), _cell(_sparkline(loop["course"]), kind="wide"),
         _cell(loop["outcome"], kind="cause"), _cell(loop["confidence"], key=_SURE[loop["confidence"]]),
         _cell("" if times is None else f"{times:.2g} ×", key=str(-1.0 if times is None else times)),
-        _cell(_found(loop), kind="wide"), _cell(_to_do(loop), kind="wide"),
+        _cell(_fault_text(loop), kind="wide"), _cell(_to_do(loop), kind="wide"),
     ]
     if compared:
         kind = "worse" if loop["change"] == "worse" else ""
@@ -95,7 +95,7 @@ def _cell(content: str, *, kind: str = "", key: str | None = None) -> str:
     return f"<td{marks}>{text_of(content)}</td>"
 
 
-def _found(loop: Loop) -> str:
+def _fault_text(loop: Loop) -> str:
     parts = [loop["reason"], loop["also"], None if loop["doubt"] is None else f"doubt: {loop['doubt']}"]
     return "; ".join(filter(None, parts))
 

@@ -258,9 +258,9 @@ class Work:
 
     def tell(self) -> None:
         """Let every page show the session as it is now."""
-        self._each(lambda page: page.show())
+        self._show_on_pages(lambda page: page.show())
 
-    def _each(self, show: Callable[[Follower], object]) -> None:
+    def _show_on_pages(self, show: Callable[[Follower], object]) -> None:
         for page in self._pages:
             try:
                 show(page)
@@ -327,7 +327,7 @@ class Work:
         self.session.change(**fields)
         self.proving = ""
         self._moved.set()  # what nobody waits for any more ends before the next loop is computed
-        self._each(lambda page: page.show_move())
+        self._show_on_pages(lambda page: page.show_move())
 
     async def look(self) -> None:
         """Show the loop of the settings; while one is computed, only the newest settings wait."""
@@ -349,9 +349,9 @@ class Work:
                         break
                     continue
                 session.look_done(ticket, look)
-                self._each(lambda page: page.show_loop(look))  # noqa: B023 - called at once
+                self._show_on_pages(lambda page: page.show_loop(look))  # noqa: B023 - called at once
                 await asyncio.sleep(_FRAME_S)
-                self._each(lambda page: page.show_progress())
+                self._show_on_pages(lambda page: page.show_progress())
                 if ticket == session.ticket:
                     await asyncio.to_thread(getattr, look, "margins")  # of the tables below the picture
         finally:
@@ -365,7 +365,7 @@ class Work:
         task = asyncio.ensure_future(work)
         if not (await asyncio.wait([task], timeout=_SLOW_S))[0]:
             self.busy = f"running {target}, whose loop is not compiled yet…"
-            self._each(lambda page: page.show_progress())
+            self._show_on_pages(lambda page: page.show_progress())
             await asyncio.wait([task])
             self.busy = ""
         return task.result()
@@ -578,24 +578,24 @@ class Work:
             return
         self._recording = task = asyncio.create_task(asyncio.to_thread(live.run))
         while not task.done():
-            self._each(lambda page: page.show_live())
+            self._show_on_pages(lambda page: page.show_live())
             await asyncio.wait([task], timeout=_LIVE_S)
         try:
             await task
         except Exception as problem:
             self.tell_recording(self._kind(problem))
-        self._each(lambda page: page.show_live())
+        self._show_on_pages(lambda page: page.show_live())
 
     def tell_recording(self, problem: Exception) -> None:
         """Tell on every page why a loop is not recorded, or its log not read."""
         self.live_error = str(problem)
-        self._each(lambda page: page.show_live())
+        self._show_on_pages(lambda page: page.show_live())
 
     async def end_recording(self) -> None:
         """End the recording, and wait for it; its file is whole then."""
         if self.live is not None and self._recording is not None and not self.live.is_over:
             self.live.stop()
-            self._each(lambda page: page.show_live())
+            self._show_on_pages(lambda page: page.show_live())
             await asyncio.wait([self._recording])
 
     def put_recording_away(self) -> None:
@@ -603,7 +603,7 @@ class Work:
         if self.live is not None and self.live.is_over:
             self.live = None
         self.live_error = ""
-        self._each(lambda page: page.show_live())
+        self._show_on_pages(lambda page: page.show_live())
 
     async def _told(self, run: Callable[[ProgressCallback], Any], what: str, wanted: Callable[[], bool]) -> Any:
         """Return what a thread gives, how far it is shown meanwhile.
@@ -639,13 +639,13 @@ class Work:
                 self.busy = f"{what}{': ' if said[-1] else ''}{for_page(said[-1])}… {time.monotonic() - begun:.0f} s"
             else:
                 self.proving = said[-1]
-            self._each(lambda page: page.show_progress())
+            self._show_on_pages(lambda page: page.show_progress())
             await self._move_or_tick(task)
         if what:
             self.busy = ""
         elif not unwanted:  # a proof may be done within one tick
             self.proving = said[-1]
-        self._each(lambda page: page.show_progress())
+        self._show_on_pages(lambda page: page.show_progress())
         return task.result()
 
     async def _move_or_tick(self, task: asyncio.Task[Any]) -> None:

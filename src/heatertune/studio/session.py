@@ -92,7 +92,7 @@ def read_source(source: str) -> LogSource:
     settings = StudioSettings(target=documents["words"]["target"], structure=documents["pid"]["structure"])
     if recipe is None:
         return LogSource(log=log, settings=settings, fitted=fitted)
-    found = _found(design, fitted, recipe, source)
+    found = _folder_design(design, fitted, recipe, source)
     words, verdict = documents["words"]["words"], documents["proof"]["verdict"]
     if dict(found.gains.words.values) != words or found.result.proof.verdict != verdict:
         return LogSource(log=log, settings=settings, fitted=fitted, as_left=(
@@ -103,7 +103,7 @@ def read_source(source: str) -> LogSource:
         as_left=f"{source}: the page has no place for {lost}; moving a setting leaves that out" if lost else "")
 
 
-def _found(design: PidDesign, fitted: FittedModel, recipe: DesignProvenance, source: str) -> DesignOutcome:
+def _folder_design(design: PidDesign, fitted: FittedModel, recipe: DesignProvenance, source: str) -> DesignOutcome:
     """Return the design of a folder as the page takes one that it found; errors as the stages."""
     demand_same_files(recipe, (), source)
     choice = repeat_words(design, fitted, recipe)

@@ -489,11 +489,11 @@ _MOST_COLUMNS: Final = 40
 def sheet(dropped: DroppedFile) -> str:
     """Return first rows with the role and unit of each column, preview and assumptions."""
     shown = preview(dropped.log, dropped.assumptions.window(dropped.log)) if dropped.log else ""
-    return "".join((_told(dropped), _zone(dropped), _table(dropped), _rest(dropped), shown,
+    return "".join((_file_card(dropped), _zone(dropped), _table(dropped), _rest(dropped), shown,
                     _assumptions(dropped), _repairs(dropped.log)))
 
 
-def _told(dropped: DroppedFile) -> str:
+def _file_card(dropped: DroppedFile) -> str:
     if dropped.problem:
         answers = {answer: for_page(answer) for answer in answers_to(dropped.problem)}
         chosen = "" if not answers else select_field(

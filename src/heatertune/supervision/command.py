@@ -56,7 +56,7 @@ def _run_supervise(settings: argparse.Namespace) -> int:
     from heatertune.supervision.supervise import SampleCounts, supervise
 
     progress = printing.Progress(settings)
-    words, fitted, conditions, notes = _asked(settings, progress)
+    words, fitted, conditions, notes = _supervised_loop(settings, progress)
     for note in notes:
         progress.note(note)
     counts = SampleCounts(
@@ -73,7 +73,7 @@ def _run_supervise(settings: argparse.Namespace) -> int:
     return 0
 
 
-def _asked(
+def _supervised_loop(
     settings: argparse.Namespace, progress: printing.Progress
 ) -> tuple[Words, FittedModel, Conditions, tuple[str, ...]]:
     """Return words, heater and conditions: of a file, or designed for a model as `design` does."""

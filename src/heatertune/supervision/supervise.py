@@ -420,7 +420,7 @@ def supervise(
     document: dict[str, Any] = encode(SupervisionView(
         warning=WARNING, target=words.target, words=dict(words.values), scan_s=family.scan_s,
         setpoint_degC=family.setpoint_degC, card=CardView(zero_degC=card.low_degC, step_degC=card.step_degC),
-        numbers=made.numbers._asdict(), rules=tuple(_told(made, card, family.scan_s)), heaters=len(family.heaters),
+        numbers=made.numbers._asdict(), rules=tuple(_meanings(made, card, family.scan_s)), heaters=len(family.heaters),
         spread_pct=drawn.spread_pct, ambient_spread_degC=drawn.ambient_degC, noise_degC=family.noise_degC,
         seed=drawn.seed, checked=made.checked, false_trips=0, widened_for=made.tripped,
         off=tuple(OffView(rule=rule, why=why) for rule, why in made.off), faults=tuple(faults),
@@ -565,7 +565,7 @@ def _seconds(time: float) -> str:
     return f"{written(time, 3)} s"
 
 
-def _told(design: MonitorDesign, card: Card, scan: float) -> Iterator[str]:
+def _meanings(design: MonitorDesign, card: Card, scan: float) -> Iterator[str]:
     """Return what the numbers mean, one sentence for each rule."""
     numbers, step = design.numbers, card.step_degC
     block = numbers.block * scan

@@ -135,7 +135,7 @@ class As511Client(RequestConnection):
             except _Refused:
                 raise self._refused(what, "there is no such block, it is protected, or the CPU is busy") from None
 
-        return self._asked(asked, what)
+        return self._answer_to(asked, what)
 
     def _within(self, place: _BlockAddress, start: int, count: int, what: str) -> int:
         """Return the address of bytes of a block; refuse those that it has not."""

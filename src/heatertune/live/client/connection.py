@@ -253,7 +253,7 @@ class RequestConnection(ClosesOnExit):
         """Belong to an address."""
         self._address, self._open, self._under_way = address, True, False
 
-    def _asked(self, ask: Callable[[], Answer], what: str) -> Answer:
+    def _answer_to(self, ask: Callable[[], Answer], what: str) -> Answer:
         """Return what a request answers; `ask` raises `PlcRefused`, `LinkDown` or anything of the library's own."""
         if not self._open:
             raise LinkDown(f"{self._address.text}: the connection is closed")

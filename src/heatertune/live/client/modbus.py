@@ -41,7 +41,7 @@ class ModbusClient(RequestConnection):
         before = start % 2
         first, registers = self._register(number, start), (before + count + 1) // 2
         what = f"reading registers {first}…{first + registers - 1}"
-        found = self._asked(lambda: self._good(
+        found = self._answer_to(lambda: self._good(
             self._library.read_holding_registers(first, count=registers, device_id=self._address.way[0]), what), what)
         content = b"".join(register.to_bytes(2, "big") for register in found.registers)
         return content[before : before + count]
@@ -57,7 +57,7 @@ class ModbusClient(RequestConnection):
         first = self._register(number, start)
         registers = [int.from_bytes(content[at : at + 2], "big") for at in range(0, len(content), 2)]
         what = f"writing registers {first}…{first + len(registers) - 1}"
-        self._asked(lambda: self._good(
+        self._answer_to(lambda: self._good(
             self._library.write_registers(first, registers, device_id=self._address.way[0]), what), what)
 
     def sign_of_life(self) -> SignOfLife:
@@ -66,7 +66,7 @@ class ModbusClient(RequestConnection):
         if register is None:
             return SignOfLife()
         what = f"reading the heartbeat, register {register}"
-        found = self._asked(lambda: self._good(
+        found = self._answer_to(lambda: self._good(
             self._library.read_holding_registers(register, count=1, device_id=self._address.way[0]), what), what)
         return SignOfLife(stamp=found.registers[0])
 

@@ -145,7 +145,7 @@ class OpcuaClient(RequestConnection):
                 self._open_since = time.monotonic()
             return await ask()
 
-        return self._asked(lambda: self._loop.run_until_complete(renewed()), what)
+        return self._answer_to(lambda: self._loop.run_until_complete(renewed()), what)
 
     def _close(self) -> None:
         _end(self._library, self._loop)

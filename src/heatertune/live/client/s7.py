@@ -50,7 +50,7 @@ class S7Client(RequestConnection):
             except S7ProtocolError as problem:
                 raise self._refused(what, _why(problem)) from None
 
-        return self._asked(ask, what)
+        return self._answer_to(ask, what)
 
     def write(self, number: int, start: int, content: bytes) -> None:
         """Write bytes of a block."""
@@ -62,7 +62,7 @@ class S7Client(RequestConnection):
             except S7ProtocolError as problem:
                 raise self._refused(what, _why(problem)) from None
 
-        self._asked(ask, what)
+        self._answer_to(ask, what)
 
     def sign_of_life(self) -> SignOfLife:
         """Return whether the CPU is in RUN, by its system status list; an S7-200 and some gateways have none."""
@@ -79,7 +79,7 @@ class S7Client(RequestConnection):
         if not self._tells_mode:
             return SignOfLife()
         try:
-            return SignOfLife(runs=self._asked(ask, what))
+            return SignOfLife(runs=self._answer_to(ask, what))
         except PlcRefused:
             self._tells_mode = False
             return SignOfLife()

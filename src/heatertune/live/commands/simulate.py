@@ -132,13 +132,13 @@ def _lines(document: Mapping[str, Any]) -> str:
     heater = heater if document["zones"] is None else f"the network of {len(document['zones'])} zones"
     lines = [f"virtual PLC: {document['target']} with the words of {document['directory']}, {heater} behind it"]
     for protocol, where in document["addresses"].items():
-        lines.append(f"{protocol:8}{where['url']}  {_found(protocol, document)}")
+        lines.append(f"{protocol:8}{where['url']}  {_block_address(protocol, document)}")
     lines += [f"zone    {zone['name']}: {', '.join(zone['urls'].values())}" for zone in document["zones"] or ()]
     lines += [f"fault   {fault}" for fault in document["faults"]]
     return "\n".join([*lines, f"scans   every {document['scan_s']:g} s, {document['pace']}; Ctrl-C ends it"])
 
 
-def _found(protocol: str, document: Mapping[str, Any]) -> str:
+def _block_address(protocol: str, document: Mapping[str, Any]) -> str:
     """Return where a client finds the block, and the simulator's own."""
     if protocol == "modbus":
         runs = ", ".join(f"{first}" if first == last else f"{first}…{last}" for first, last in document["registers"])

@@ -329,7 +329,7 @@ class Peer(ClosesOnExit):
     def _look(self) -> BlockSnapshot:
         client, at = self._connected(), self.standing
         content = at.read(client)
-        told = self._told(client)
+        told = self._simulator_status(client)
         seen = self.clock.now_s() if told is None else told.intervals * told.interval_s
         life = client.sign_of_life() if told is None else _NOTHING_TOLD
         look = BlockSnapshot(content, at.values(content), told, seen, life)
@@ -337,7 +337,7 @@ class Peer(ClosesOnExit):
         self.moved = self.moved or content != first.content or look.is_new(first) is True
         return look
 
-    def _told(self, client: Client) -> SimulatorStatus | None:
+    def _simulator_status(self, client: Client) -> SimulatorStatus | None:
         if self._simulated is False:
             return None
         told = status_of_simulator(client)

@@ -97,13 +97,13 @@ def plan_doublet(prior: Prior, setup: ExperimentSetup, duration_s: float, *, see
     ended = differential_evolution(
         cost, [(0.0, 1.0)] * (2 * _STEPS), x0=plain_step, seed=seed, popsize=6, maxiter=40, tol=0.01, polish=False,
     )
-    best = _made(prior, setup, duration_s, np.sort(ended.x[:_STEPS]), powers(ended.x))
+    best = _practical_plan(prior, setup, duration_s, np.sort(ended.x[:_STEPS]), powers(ended.x))
     return best if best.worst < step.worst else step
 
 
 def best_step(prior: Prior, setup: ExperimentSetup, duration_s: float) -> ExperimentPlan:
     """Return the best plain step of a duration: as high as the limit lets it be, at the best instant."""
-    tried = [_made(prior, setup, duration_s, np.array([at]), np.array([setup.most_pct])) for at in _STEP_AT]
+    tried = [_practical_plan(prior, setup, duration_s, np.array([at]), np.array([setup.most_pct])) for at in _STEP_AT]
     return replace(min(tried, key=lambda plan: plan.worst), kind="step")
 
 
@@ -142,7 +142,7 @@ def assess_plan(kind: str, prior: Prior, setup: ExperimentSetup, schedule: Sched
     )
 
 
-def _made(prior: Prior, setup: ExperimentSetup, duration: float, at: Array, power: Array) -> ExperimentPlan:
+def _practical_plan(prior: Prior, setup: ExperimentSetup, duration: float, at: Array, power: Array) -> ExperimentPlan:
     """Return the plan as a person can carry it out: switched with a reading, powers of one digit after the point."""
     first = REST_READINGS * setup.noise.sample_time_s
     instants = np.array([min(duration, max(first, setup.noise.nearest_reading(share * duration))) for share in at])

@@ -112,7 +112,7 @@ def _without_events(log: Log, problem: PowerProblem, fit: PowerFit, held_out: He
     law = "power logged, without drift and loads"
     if plain.ambient_degC is None and not is_sensible(plain, refit):
         # under feedback a load drives the gain of a fit without it towards nothing, and the ambient to the setpoint
-        plain, law = _held(plain), f"{law}, ambient at the lowest reading"
+        plain, law = _with_lowest_ambient(plain), f"{law}, ambient at the lowest reading"
         refit = plain.fit()
     if not isinstance(refit.model, Fopdt):
         return
@@ -129,7 +129,7 @@ def _at_rest(problem: PowerProblem, fit: PowerFit, ambient: Interval | None) -> 
     lowest = lowest_degC(problem)
     if ambient is None or ambient.low is None or ambient.low <= lowest or is_sensible(problem, fit):
         return
-    held = _held(problem)
+    held = _with_lowest_ambient(problem)
     refit = min((held.fit(), held.refine(fit.vector[None, :])), key=lambda trial: bic_of(held, trial))
     if not isinstance(refit.model, Fopdt):
         return
@@ -223,7 +223,7 @@ def _earlier(readings: Readings, time_s: Array, places: npt.NDArray[np.intp]) ->
     return replace(readings, edge_s=np.array([before.get(edge, edge) for edge in readings.edge_s]))
 
 
-def _held(problem: PowerProblem) -> PowerProblem:
+def _with_lowest_ambient(problem: PowerProblem) -> PowerProblem:
     return replace(problem, ambient_degC=lowest_degC(problem))
 
 

@@ -320,7 +320,7 @@ def starts(problem: PowerProblem, *, closed_loop: bool) -> Iterator[PowerProblem
     for before in befores:
         begun = replace(problem, power_before_pct=before)
         yield begun
-        if _may_rest(begun) and not (closed_loop and not _held(begun)):
+        if _may_rest(begun) and not (closed_loop and not _power_goes_on(begun)):
             yield replace(begun, at_rest=True)
 
 
@@ -329,7 +329,7 @@ def _may_rest(problem: PowerProblem) -> bool:
 
     If this power continues, they hardly move; if power came on with the log, no later reading is colder.
     """
-    if _held(problem):
+    if _power_goes_on(problem):
         slope = _slope(problem.readings)
         return slope is not None and not slope.is_seen
     readings = problem.readings.temperature_degC
@@ -342,14 +342,14 @@ def is_plain_rest(problem: PowerProblem, lag_s: float) -> bool:
 
     A deviation from rest would decay with the lag [s]: its slope, as far as the readings allow one, bounds it.
     """
-    slope = _slope(problem.readings) if _held(problem) else None
+    slope = _slope(problem.readings) if _power_goes_on(problem) else None
     if slope is None or slope.is_seen:
         return False
     most = (abs(slope.degC_per_s) + _SURE * slope.error_degC_per_s) * lag_s
     return most < _SHARE * float(np.ptp(problem.readings.temperature_degC))
 
 
-def _held(problem: PowerProblem) -> bool:
+def _power_goes_on(problem: PowerProblem) -> bool:
     """Return whether the power before the log goes on in it."""
     return problem.power_before == float(problem.readings.level_pct[0])
 

@@ -329,7 +329,7 @@ def _profile(problem: JointProblem, best: Array, name: str, noise: Mapping[str, 
     ends = []
     for side in (-1.0, 1.0):
         values = np.clip(value + side * deviation * STEPS, *_ends_joint(problem)[name])
-        rise = np.array([0.0, *np.maximum(_held(problem, best, name, values).cost - least, 0.0)])
+        rise = np.array([0.0, *np.maximum(_minima_at(problem, best, name, values).cost - least, 0.0)])
         ends.append(bound_crossing(np.array([value, *values]), rise, limit))
     return Interval(low=ends[0], high=ends[1])
 
@@ -337,13 +337,13 @@ def _profile(problem: JointProblem, best: Array, name: str, noise: Mapping[str, 
 def joint_fit_at(problem: JointProblem, fit: JointFit, name: str, value: float) -> JointFit:
     """Return one heater for all logs with one number held: dead time [s], or gain per time constant."""
     thin = problem.average(READINGS)
-    vector = _held(thin, thin.refine(fit.vector[None, :]).vector, name, np.array([value])).parameters[0].copy()
+    vector = _minima_at(thin, thin.refine(fit.vector[None, :]).vector, name, np.array([value])).parameters[0].copy()
     if name == RATIO:
         vector[POWER] += vector[LAG]
     return problem.at(vector)
 
 
-def _held(problem: JointProblem, best: Array, name: str, values: Array) -> Minima:
+def _minima_at(problem: JointProblem, best: Array, name: str, values: Array) -> Minima:
     """Return the fits and least weighted sums of squares with the named number held at each value."""
     per_lag = name == RATIO
     place = {"time_constant_s": LAG, "dead_time_s": DEAD, "ambient_degC": FIRST_AMBIENT}.get(name, POWER)

@@ -435,7 +435,7 @@ class PowerProblem:
         """
         given = self.nothing_more(len(z)) if fixed is None else fixed
         residuals, linear, cost = np.empty((len(z), records.shape[1])), np.zeros(given.values.shape), np.empty(len(z))
-        compile_function(project)(self._asked(records, given), z, residuals, linear, cost, self._space)
+        compile_function(project)(self._inputs(records, given), z, residuals, linear, cost, self._space)
         residuals[np.isinf(cost)] = np.inf
         return residuals, linear
 
@@ -443,7 +443,7 @@ class PowerProblem:
         """Return the residuals, shape (n, m), with the last load step at other instants (n,) [s]."""
         record = self.readings.temperature_degC[None, :]
         residuals = np.empty((len(instants), record.shape[1]))
-        compile_function(try_loads)(self._asked(record, self.nothing_more(1)), _writable(vector), _writable(instants),
+        compile_function(try_loads)(self._inputs(record, self.nothing_more(1)), _writable(vector), _writable(instants),
                             residuals, np.empty(self._width), self._space)
         return residuals
 
@@ -455,14 +455,14 @@ class PowerProblem:
         """
         given = self.nothing_more(1) if fixed is None else fixed
         cost, left, linear = np.empty(len(z)), np.empty((1, records.shape[1])), np.zeros((1, self._width))
-        compile_function(project)(self._asked(records, given), z, left, linear, cost, self._space)
+        compile_function(project)(self._inputs(records, given), z, left, linear, cost, self._space)
         return cost
 
     def nothing_more(self, rows: int) -> FixedUnknowns:
         """Return the known linear unknowns of the problem, for so many rows."""
         return FixedUnknowns(values=np.tile(self.fixed, (rows, 1)))
 
-    def _asked(self, records: Array, fixed: FixedUnknowns) -> ProjectionInput:
+    def _inputs(self, records: Array, fixed: FixedUnknowns) -> ProjectionInput:
         """Return log, records, known and law as the compiled code takes them."""
         return self._log, _writable(records), fixed.values, (fixed.gain_per_lag, self.sign)
 
@@ -500,7 +500,7 @@ class PowerProblem:
         given = self.nothing_more(1) if fixed is None else fixed
         z = starts.copy()
         work = paths(self._width, len(self.readings.time_s))
-        compile_function(descend)(self._asked(records, given), z, (self.low, high), iterations, tolerance, self._space,
+        compile_function(descend)(self._inputs(records, given), z, (self.low, high), iterations, tolerance, self._space,
                                   work)
         return z
 

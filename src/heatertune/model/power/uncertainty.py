@@ -352,16 +352,16 @@ def _slopes_of_period(vector: Array) -> dict[str, float]:
 
 def fit_at_value(problem: PowerProblem, fit: PowerFit, name: str, value: float) -> PowerFit:
     """Return the fit with one number held: "dead_time_s" [s], gain per time constant or the ultimate period."""
-    vectors, fixed, _ = _held(problem, fit, name, np.array([value]))
+    vectors, fixed, _ = _hold(problem, fit, name, np.array([value]))
     return problem.at(vectors[0], fixed)
 
 
 def squares_at(problem: PowerProblem, fit: PowerFit, name: str, values: Array) -> Array:
     """Return the least sum of squares with the number, see `fit_at_value`, held at each value; both shape (n,)."""
-    return _held(problem, fit, name, values)[-1]
+    return _hold(problem, fit, name, values)[-1]
 
 
-def _held(problem: PowerProblem, fit: PowerFit, name: str, values: Array) -> tuple[Array, FixedUnknowns | None, Array]:
+def _hold(problem: PowerProblem, fit: PowerFit, name: str, values: Array) -> tuple[Array, FixedUnknowns | None, Array]:
     """Return vectors, known unknowns and lowest sums of squares with the parameter fixed at each value."""
     if name == PERIOD:
         vectors, cost = fits_of_period(problem, values)

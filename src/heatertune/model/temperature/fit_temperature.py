@@ -229,7 +229,7 @@ def fit_temperature(
     singles = [_single(log, laws, bounds, largest_power_pct) for log, bounds in zip(used, sought, strict=True)]
     alone = [fit_all(hypotheses, seed=seed, thorough=thorough and len(used) == 1) for hypotheses in singles]
     ranked = alone[0] if len(used) == 1 else fit_all(_joint(alone, largest_power_pct), seed=seed)
-    kept = _kept(ranked)
+    kept = _near_fits(ranked)
     ranges = _ranges(_best(kept), kept, seed, ambient_degC)
     claimed = _intervals(_best(kept), kept, ranges, ambient_degC)
     if (claimed["time_constant_s"] or claimed["dead_time_s"]) and any(log.output_limit_pct is None for log in used):
@@ -334,7 +334,7 @@ def _intervals(
     return ci95 | lost
 
 
-def _kept(ranked: Sequence[Fit]) -> list[Fit]:
+def _near_fits(ranked: Sequence[Fit]) -> list[Fit]:
     near = [fit for fit in ranked if fit.bic - ranked[0].bic <= _NEAR]
     single = max((fit for fit in ranked if not fit.hypothesis.two_lags), key=lambda fit: fit.fit_pct, default=near[0])
     best = max(fit.fit_pct for fit in near)
@@ -347,7 +347,7 @@ def _best(fits: Sequence[Fit]) -> Fit:
 
 def _with_rivals(ranked: Sequence[Fit], rivals: Sequence[Fit]) -> list[Fit]:
     """Return the fits that stay, and the rivals with the least and the largest of each measure."""
-    return list(dict.fromkeys([*_kept(ranked), *extremes(rivals)]))
+    return list(dict.fromkeys([*_near_fits(ranked), *extremes(rivals)]))
 
 
 def _ranges(best: Fit, fits: Sequence[Fit], seed: int, ambient_degC: Bounds | None) -> dict[str, Interval]:

@@ -162,16 +162,16 @@ class _YamlReader:
             if not self._after_rule:
                 for field, text in zip(GAINS, match.groups(), strict=False):
                     self._put(line, field.name, text)
-                self._other(line, "output_averaging_samples", match[4] or "1")
+                self._refuse_other(line, "output_averaging_samples", match[4] or "1")
             self._after_rule = False
         elif match := _ENTRY.fullmatch(content.removeprefix("- ")):
             self._entry(line, match[1], match[3])
         elif content.removesuffix(":") in _REFUSED:
-            self._other(line, content.removesuffix(":"), "")
+            self._refuse_other(line, content.removesuffix(":"), "")
 
     def _entry(self, line: int, name: str, text: str) -> None:
         if name in _OTHERS or name in _REFUSED:
-            self._other(line, name, text)
+            self._refuse_other(line, name, text)
         elif name == "update_interval":
             if self._interval is None:
                 self._collected.put(name, _ms(text), line, text)
@@ -186,7 +186,7 @@ class _YamlReader:
             value = (int(number) if number.is_integer() else None) if whole else single(number)
         self._collected.put(name, value, line, text)
 
-    def _other(self, line: int, name: str, value: str) -> None:
+    def _refuse_other(self, line: int, name: str, value: str) -> None:
         """Refuse what is not held here, but for the value that changes nothing."""
         if name in _REFUSED or number_of(value) != _OTHERS[name]:
             only = f"{_OTHERS[name]:g}" if name in _OTHERS else "nothing of it"

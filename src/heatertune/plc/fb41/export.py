@@ -138,7 +138,7 @@ def _listened(values: Mapping[str, Number]) -> Mapping[str, Number]:
     return values
 
 
-def _given(parameters: tuple[ContCParameters, ContCAssumptions], value: Number) -> tuple[Any, ContCAssumptions]:
+def _with_input(parameters: tuple[ContCParameters, ContCAssumptions], value: Number) -> tuple[Any, ContCAssumptions]:
     return parameters[0]._replace(disturbance=single(value)), parameters[1]
 
 
@@ -168,7 +168,7 @@ def _analog(line: FeedForward) -> list[str]:
 
 
 FEED: Final = FeedForwardHooks(
-    word="DISV", per_pct=1.0, most=FORMATS["REAL"][1], whole=False, listened=_listened, set_disturbance=_given,
+    word="DISV", per_pct=1.0, most=FORMATS["REAL"][1], whole=False, listened=_listened, set_disturbance=_with_input,
     listing=_listing)
 
 

@@ -126,7 +126,7 @@ def call(b: IecPidConstants, s: IecPidState, x: IecPidInputs) -> IecPidState:
     if x.auto:
         return _automatic(b, s, error, proportional)
     output = _limited(b, x.x0)
-    integral = _kept(s.integral, single(output - proportional)) if b.tr != 0.0 else single(0.0)
+    integral = _within_range(s.integral, single(output - proportional)) if b.tr != 0.0 else single(0.0)
     return IecPidState(True, error, error, error, integral, output, False)
 
 
@@ -139,7 +139,7 @@ def _automatic(b: IecPidConstants, s: IecPidState, error: float, proportional: f
             total = lowest
         if total > highest:  # noqa: PLR1730
             total = highest
-        integral = _kept(s.integral, total)
+        integral = _within_range(s.integral, total)
     wanted = single(proportional + integral)
     if b.td != 0.0:
         slope = divide_single(single(single(single(3.0 * single(error - s.e3)) + s.e1) - s.e2), b.ten_t)
@@ -171,5 +171,5 @@ def _limited(b: IecPidConstants, value: float) -> float:
     return b.maximum if value > b.maximum else value
 
 
-def _kept(old: float, new: float) -> float:
+def _within_range(old: float, new: float) -> float:
     return new if abs(new) <= LARGEST else old

@@ -154,9 +154,9 @@ def step(
     slope = (change / REPORT_S if loop.smooth <= REPORT_S
              else (state.slope * (loop.smooth - REPORT_S) + change) / loop.smooth)
     error = setpoint - reading
-    integral = _held(state.integral + error * REPORT_S, loop.most_integral)
+    integral = _clamp(state.integral + error * REPORT_S, loop.most_integral)
     wanted = loop.kp * error + loop.ki * integral - loop.kd * slope
-    asked = _held(wanted, loop.most)
+    asked = _clamp(wanted, loop.most)
     if wanted != asked:
         integral = state.integral
     flags = (1 if wanted > asked else 0) + (2 if asked == 0.0 else 0)
@@ -171,7 +171,7 @@ def step(
     return after, 100.0 * after.duty, after.duty, flags
 
 
-def _held(value: float, most: float) -> float:
+def _clamp(value: float, most: float) -> float:
     """Return a value within 0…most; what is no number becomes the most, as in the original."""
     below = value if value < most else most
     return below if below > 0.0 else 0.0

@@ -210,14 +210,14 @@ def _head(make: Make, words: Words, certificate: Certificate) -> list[str]:
 
 
 def _sheet(make: Make, words: Words, certificate: Certificate) -> str:
-    rows = [(entry.name, display_text(entry, words.values), entry.unit, _told(entry)) for entry in make.entries]
+    rows = [(entry.name, display_text(entry, words.values), entry.unit, _entry_text(entry)) for entry in make.entries]
     wide = [max(len(row[column]) for row in rows) for column in range(3)]
     lines = [f"{name:<{wide[0]}}  {value:>{wide[1]}}  {unit:<{wide[2]}}  ; {what}" for name, value, unit, what in rows]
     head = [*_head(make, words, certificate), f"menu: {make.menu}", "parameter, as the display shows it, unit"]
     return "\n".join([*(f"; {line}" for line in head), *lines]) + "\n"
 
 
-def _told(entry: Entry) -> str:
+def _entry_text(entry: Entry) -> str:
     return entry.description if entry.read else f"{entry.description} - NOT CHECKED"
 
 

@@ -101,7 +101,7 @@ def step(
         _begins: not looked at: the sample that comes last before a pulse decides on it.
     """
     b, assume = parameters
-    w, x = _seen(b, assume, setpoint), _seen(b, assume, reading)
+    w, x = _displayed_value(b, assume, setpoint), _displayed_value(b, assume, reading)
     led = state.led + b.follows * (w - state.led) if state.runs else x
     if assume.filtered and b.follows > 0.0:
         w = b.alpha * w + (1.0 - b.alpha) * led
@@ -122,7 +122,7 @@ def step(
     return PbandState(True, now, led, derivative, integral), power, power, bits
 
 
-def _seen(b: PbandBlock, assume: PbandAssumptions, counts: int) -> float:
+def _displayed_value(b: PbandBlock, assume: PbandAssumptions, counts: int) -> float:
     """Return a number of counts as the law sees it."""
     if assume.displayed and b.tenth > 1.0:
         return b.tenth * math.floor(counts / b.tenth + 0.5)

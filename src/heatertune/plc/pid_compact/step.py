@@ -192,10 +192,10 @@ def _cycle(b: PidCompactBlock, assume: PidCompactAssumptions, s: PidCompactState
         output = _limited(b, zero)
         return PidCompactState(s.runs, s.integral, s.error, s.weighted, s.derivative, s.above, s.below, True), output
     if not s.runs and b.begins in (SMOOTH, PRE_ASSIGNED) and b.growth != 0.0:
-        grown = _kept(zero, single(zero - single(proportional + derivative)))
+        grown = _within_range(zero, single(zero - single(proportional + derivative)))
         total = single(single(proportional + grown) + derivative)
     elif b.growth != 0.0:
-        grown = _held(b, assume, s, integral, change, total, proportional)
+        grown = _limited_integral(b, assume, s, integral, change, total, proportional)
         total = single(single(proportional + grown) + derivative)
     after = PidCompactState(True, grown, error, weighted, derivative, total >= b.upper, total <= b.lower, False)
     return after, _limited(b, total)
@@ -215,7 +215,7 @@ def integrated_error(kind: int, error: float, before: float) -> float:
     return before if kind == OLD else single(0.5 * single(error + before))
 
 
-def _held(
+def _limited_integral(
     b: PidCompactBlock, assume: PidCompactAssumptions, s: PidCompactState, integral: float, change: float, total: float,
     proportional: float
 ) -> float:
@@ -231,7 +231,7 @@ def _held(
     return grown
 
 
-def _kept(old: float, new: float) -> float:
+def _within_range(old: float, new: float) -> float:
     return new if abs(new) <= LARGEST else old
 
 

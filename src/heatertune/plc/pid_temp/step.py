@@ -193,7 +193,7 @@ def _summed(
     if not s.runs and b.begins in (SMOOTH, PRE_ASSIGNED):
         grown = _shared(single(zero - single(proportional + slope)), share)
     else:
-        grown = _held(b, assume, s, integral, change, total, proportional, share)
+        grown = _limited_integral(b, assume, s, integral, change, total, proportional, share)
     return single(single(proportional + single(share * grown)) + slope), grown, derivative
 
 
@@ -204,7 +204,7 @@ def _begun(b: PidCompactBlock, gain: float, share: float, error: float, proporti
     return _shared(single(single(gain * single(b.p_weight * error)) - proportional), share)
 
 
-def _held(
+def _limited_integral(
     b: PidCompactBlock, assume: CoolingAssumptions, s: PairState, integral: float, change: float, total: float,
     proportional: float, share: float,
 ) -> float:

@@ -437,7 +437,7 @@ def _listened(values: Mapping[str, Number]) -> dict[str, Number]:
     return {**values, "STEU": int(values["STEU"]) & ~NO_Z}
 
 
-def _given(parameters: tuple[Ob251Parameters, Ob251Assumptions], value: Number) -> tuple[Any, Ob251Assumptions]:
+def _with_input(parameters: tuple[Ob251Parameters, Ob251Assumptions], value: Number) -> tuple[Any, Ob251Assumptions]:
     return parameters[0]._replace(z=int(value)), parameters[1]
 
 
@@ -470,7 +470,7 @@ def _analog(line: FeedForward) -> list[str]:
 
 
 FEED: Final = FeedForwardHooks(
-    word="Z", per_pct=FULL_SCALE / 100.0, most=FULL_SCALE, whole=True, listened=_listened, set_disturbance=_given,
+    word="Z", per_pct=FULL_SCALE / 100.0, most=FULL_SCALE, whole=True, listened=_listened, set_disturbance=_with_input,
     listing=_listing_feed_forward)
 
 

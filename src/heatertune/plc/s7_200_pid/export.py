@@ -321,7 +321,7 @@ def _by_hand(words: Words, certificate: Certificate) -> list[str]:
         "system block: analog input filter off for AIW0, for the proof reads without it",
         *SWITCH,
         f"enter the setpoint: {shown}; another one is not proven, and 0 is what a lost memory leaves",
-        _seen(words),
+        _wire_break_text(words),
     ]
 
 
@@ -334,7 +334,7 @@ def _range(words: Words) -> str:
             "0 to 20 mA = 0...32000 unipolar, for a transmitter of 4 to 20 mA")
 
 
-def _seen(words: Words) -> str:
+def _wire_break_text(words: Words) -> str:
     """Return which broken wires the program sees."""
     if in_degrees(words):
         return ("a broken wire and a missing supply (32766 and more, -32767 and less) put the heater off; try it out. "

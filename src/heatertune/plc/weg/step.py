@@ -256,7 +256,7 @@ def _manual(b: WegConstants, assume: WegAssumptions, s: WegState, output: float,
     if not assume.bumpless:
         return WegState(s.enabled, s.reference, s.error, s.integral, output, False, False)
     integral = single(output - single(b.kp * error))
-    return WegState(s.enabled, reference, error, _kept(s.integral, integral), output, False, False)
+    return WegState(s.enabled, reference, error, _valid(s.integral, integral), output, False, False)
 
 
 def _automatic(b: WegConstants, assume: WegAssumptions, s: WegState, reference: float, error: float) -> WegState:
@@ -270,7 +270,7 @@ def _automatic(b: WegConstants, assume: WegAssumptions, s: WegState, reference: 
         proportional = single(b.kp * error)
         lowest, highest = single(b.minimum - proportional), single(b.maximum - proportional)
         integral = min(max(integral, lowest), highest)
-    return WegState(s.enabled, reference, error, _kept(s.integral, integral), output, not math.isfinite(wanted), False)
+    return WegState(s.enabled, reference, error, _valid(s.integral, integral), output, not math.isfinite(wanted), False)
 
 
 def _as_printed(b: WegConstants, s: WegState, error: float) -> float:
@@ -293,7 +293,7 @@ def _limited(b: WegConstants, value: float) -> float:
     return b.maximum if value > b.maximum else value
 
 
-def _kept(old: float, new: float) -> float:
+def _valid(old: float, new: float) -> float:
     return new if math.isfinite(new) else old
 
 

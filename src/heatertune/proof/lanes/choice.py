@@ -50,7 +50,7 @@ def pays(controller: LoopController, actuator: Actuator, scans: int, *, two_lags
     """
     if not _has_rows(controller):
         return False
-    run, _ = _made(controller, two_lags=two_lags)
+    run, _ = _loop_and_rows(controller, two_lags=two_lags)
     _asked[run.__qualname__] += int(scans * (1.0 + _PER_PERIOD * controller.scan_s / actuator.pwm_period_s))
     return worth_a_second(_asked[run.__qualname__], run, most=_MOST, most_kept=_MOST_KEPT)
 
@@ -99,16 +99,16 @@ def run_side_by_side(controller: LoopController, program: SetpointProgram, batch
         actuator: the switch.
         meter: what is measured.
     """
-    run, end = _made(controller, two_lags=bool(batch.plants[0, 2]))
-    parameters, state = _held(controller, controller.parameters), _held(controller, controller.state)
+    run, end = _loop_and_rows(controller, two_lags=bool(batch.plants[0, 2]))
+    parameters, state = _in_precision(controller, controller.parameters), _in_precision(controller, controller.state)
     run_compiled = compile_function(run)
     restarts = int(np.count_nonzero(np.diff(program.supplied) > 0))
     ring = ring_for(float(batch.plants[:, 3].max()), controller.scan_s, actuator.pwm_period_s, restarts)
-    run_compiled(parameters, state, controller.sensor, controller.scan_s, _held(controller, program), batch,
+    run_compiled(parameters, state, controller.sensor, controller.scan_s, _in_precision(controller, program), batch,
                  actuator.switches, np.zeros((end + 1) * LANES), ring, meter)
 
 
-def _held(controller: LoopController, value: Any) -> Any:
+def _in_precision(controller: LoopController, value: Any) -> Any:
     return to_single(value) if controller.core.singles else value
 
 
@@ -125,13 +125,13 @@ def _has_rows(controller: LoopController) -> bool:
     return True
 
 
-def _made(controller: LoopController, *, two_lags: bool) -> tuple[Callable[..., None], int]:
+def _loop_and_rows(controller: LoopController, *, two_lags: bool) -> tuple[Callable[..., None], int]:
     """Return the loop for a controller, and how many rows it needs."""
     core = controller.core
-    asked = _held(controller, np.array(controller.setpoints))[0]
-    law = rows_of((_held(controller, controller.state), asked if core.singles else asked.item()), ROWS)
+    asked = _in_precision(controller, np.array(controller.setpoints))[0]
+    law = rows_of((_in_precision(controller, controller.state), asked if core.singles else asked.item()), ROWS)
     scan = bound(run_scan, step=core.step, measure=core.measure, law_loaded=law.loaded, law_stored=law.stored,
-                 lane_parameters=constant_function(_held(controller, controller.parameters)),
+                 lane_parameters=constant_function(_in_precision(controller, controller.parameters)),
                  setpoint_word_now=bound(setpoint_word_now, setpoint_word=core.store_setpoint))
     again = bound(started_up, law_loaded=law.loaded, law_stored=law.stored, warm_state=core.warm_start)
     loops = bound(group, run_scan=scan, quickly=two.quickly if two_lags else one.quickly, law_stored=law.stored,

@@ -103,7 +103,7 @@ def rows_of(value: Any, first: int = 0) -> Rows:
     load = _rebuilt(value, "value", types, place)
     text = (f"def loaded(rows, lane):\n    return {load}\n\n"
             f"def stored(rows, lane, value):\n    {f'{chr(10)}    '.join(stores)}\n")
-    loaded, stored = _made(text, ("loaded", "stored"), tuple(types.items()))
+    loaded, stored = _functions_of(text, ("loaded", "stored"), tuple(types.items()))
     return Rows(loaded, stored, first + len(stores))
 
 
@@ -121,7 +121,7 @@ def constant_function(value: Any) -> Callable[[Any], Any]:
         return constant if infinite else name
 
     text = f"def given(value):\n    return {_rebuilt(value, 'value', types, field)}\n"
-    return cast("Callable[[Any], Any]", _made(text, ("given",), tuple(types.items()))[0])
+    return cast("Callable[[Any], Any]", _functions_of(text, ("given",), tuple(types.items()))[0])
 
 
 def _rebuilt(value: Any, name: str, types: dict[str, type], convert: Callable[[Any, str], str]) -> str:
@@ -144,7 +144,7 @@ def _fields(value: tuple[Any, ...], name: str) -> Iterator[str]:
 
 
 @cache
-def _made(text: str, names: tuple[str, ...], types: tuple[tuple[str, type], ...]) -> tuple[Any, ...]:
+def _functions_of(text: str, names: tuple[str, ...], types: tuple[tuple[str, type], ...]) -> tuple[Any, ...]:
     """Return functions made from their text, which only names fields."""
     scope: dict[str, Any] = {"np": np, "PLUS": np.inf, "MINUS": -np.inf, "__name__": __name__, **dict(types)}
     scope = functions_from_text(text, scope, file=__file__)
@@ -539,13 +539,13 @@ def _along(rows: Places, phase_limits: PhaseLimits, limits: tuple[int, int]) -> 
     crossings, settles = limits
     if settles > 0:
         for lane in range(lanes_of(rows)):
-            _seen(rows, lane, phase_limits, True, True)
+            _measure_stretch(rows, lane, phase_limits, True, True)
     elif crossings > 0:
         for lane in range(lanes_of(rows)):
-            _seen(rows, lane, phase_limits, True, False)
+            _measure_stretch(rows, lane, phase_limits, True, False)
     else:
         for lane in range(lanes_of(rows)):
-            _seen(rows, lane, phase_limits, False, False)
+            _measure_stretch(rows, lane, phase_limits, False, False)
     if phase_limits.lasts:
         for lane in range(lanes_of(rows)):
             _rests(rows, lane, phase_limits.setpoint)
@@ -553,7 +553,7 @@ def _along(rows: Places, phase_limits: PhaseLimits, limits: tuple[int, int]) -> 
         enter_ripple(rows, phase_limits)
 
 
-def _seen(rows: Places, lane: int, limits: PhaseLimits, crosses: bool, settles: bool) -> None:
+def _measure_stretch(rows: Places, lane: int, limits: PhaseLimits, crosses: bool, settles: bool) -> None:
     stretch, point = loaded_stretch(rows, lane), loaded_point(rows, lane)
     stored_seen(rows, lane, phase_after_stretch(
         loaded_seen(rows, lane), limits.setpoint, limits.band, 0.0, plant_of(loaded_line(rows, lane)),

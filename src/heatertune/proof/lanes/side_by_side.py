@@ -235,7 +235,7 @@ def group(  # noqa: PLR0913 - as `kernel.run`
             quickly(rows, ring, window, PhaseLimits(meter.setpoints[now.phase], meter.band, now.lasts, now.resting,
                                              meter.period, meter.high, meter.low, first), t)
         if noisy:
-            _heard(rows, batch, first, k)
+            _take_noise(rows, batch, first, k)
         supplied = program.supplied[now.phase]
         starts_up = calls == 0 and k > 0 and supplied
         if starts_up and apart(begin, k * scan_s, period):
@@ -259,7 +259,7 @@ def group(  # noqa: PLR0913 - as `kernel.run`
     _ended(rows, meter, first, min(lanes_of(rows), len(batch.plants) - first), scans)
 
 
-def _heard(rows: Places, batch: LoopBatch, first: int, k: int) -> None:
+def _take_noise(rows: Places, batch: LoopBatch, first: int, k: int) -> None:
     """Take the noise of a scan."""
     for lane in range(lanes_of(rows)):
         i, counts = loop_of(batch, first, lane), loaded_counts(rows, lane)

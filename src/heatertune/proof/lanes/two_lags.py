@@ -196,14 +196,14 @@ def _measured(rows: Places, limits: PhaseLimits) -> None:
         settles += int(settling_time(loaded_seen(rows, lane), limits.setpoint, limits.band, after))
     if settles > 0:
         for lane in range(lanes_of(rows)):
-            _seen(rows, lane, limits, True)
+            _measure_stretch(rows, lane, limits, True)
     elif crossings > 0:
-        _searched(rows, limits.setpoint)
+        _search_crossings(rows, limits.setpoint)
         for lane in range(lanes_of(rows)):
             _split(rows, lane, limits.setpoint, limits.band)
     else:
         for lane in range(lanes_of(rows)):
-            _seen(rows, lane, limits, False)
+            _measure_stretch(rows, lane, limits, False)
     if limits.lasts:
         for lane in range(lanes_of(rows)):
             _rests(rows, lane, limits.setpoint)
@@ -211,13 +211,13 @@ def _measured(rows: Places, limits: PhaseLimits) -> None:
         enter_ripple(rows, limits)
 
 
-def _seen(rows: Places, lane: int, limits: PhaseLimits, crosses: bool) -> None:
+def _measure_stretch(rows: Places, lane: int, limits: PhaseLimits, crosses: bool) -> None:
     stored_seen(rows, lane, phase_after_stretch(
         loaded_seen(rows, lane), limits.setpoint, limits.band, 0.0, _plant(rows, lane), _before(rows, lane),
         _after(rows, lane), crosses, crosses))
 
 
-def _searched(rows: Places, setpoint: float) -> None:
+def _search_crossings(rows: Places, setpoint: float) -> None:
     """Search for the instants at which heaters cross the setpoint."""
     for lane in range(lanes_of(rows)):
         before, after = _before(rows, lane), _after(rows, lane)

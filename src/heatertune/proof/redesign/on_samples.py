@@ -52,8 +52,8 @@ def closed_on_samples(
     if drawn.samples is None:
         return found
     progress(f"proving the parameters on {count(drawn.samples, 'sample')}")
-    first = _heard(found, fitted, drawn)
-    if request.as_is or found.proof.verdict == "FAIL" or _drawn(first).verdict == "PASS" or _hopeless(first):
+    first = _with_samples(found, fitted, drawn)
+    if request.as_is or found.proof.verdict == "FAIL" or _samples_of(first).verdict == "PASS" or _hopeless(first):
         return first
     if (mended := _made_for_more(first, found.proof.verdict, fitted, request, progress)) is not None or not ways_on:
         return mended or first
@@ -79,7 +79,7 @@ def _made_for_more(
         setpoint = first.proof.scenario.setpoint_degC
         same = replace(request, conditions=replace(request.conditions, setpoint_degC=setpoint))
     for _ in range(_MOST_ROUNDS):
-        new = [seed for seed in _drawn(found).broken if seed not in heaters][:_MORE]
+        new = [seed for seed in _samples_of(found).broken if seed not in heaters][:_MORE]
         heaters |= {seed: drawing.heater(seed) for seed in new}
         progress(f"too few samples keep every limit: trying a design that includes {len(heaters)} of them")
         try:
@@ -91,10 +91,10 @@ def _made_for_more(
             return None
         if (bare.proof.words, bare.conditions) == (found.proof.words, found.conditions):
             return None  # what they break a limit by is not their heaters
-        found = _heard(bare, fitted, drawn)
-        if bare.proof.verdict in ("PASS", verdict) and _drawn(found).verdict == "PASS":
-            others = replace(drawn, seed=drawn.seed + _drawn(first).count)
-            return _changed(first, _heard(bare, fitted, others), len(heaters))
+        found = _with_samples(bare, fitted, drawn)
+        if bare.proof.verdict in ("PASS", verdict) and _samples_of(found).verdict == "PASS":
+            others = replace(drawn, seed=drawn.seed + _samples_of(first).count)
+            return _changed(first, _with_samples(bare, fitted, others), len(heaters))
     return None
 
 
@@ -124,7 +124,7 @@ def _proven_on(fitted: FittedModel, request: DesignRequest, wider: DesignResult)
 def _with_way_on(first: DesignResult, fitted: FittedModel, request: DesignRequest,
                  progress: ProgressCallback) -> DesignResult:
     """Return a design that says with which setting of an open point one would pass, where it fails for another."""
-    drawn = _drawn(first)
+    drawn = _samples_of(first)
     assumed, worst = drawn.settings[0].switches, min(drawn.settings, key=lambda setting: setting.passing_count).switches
     for name in (name for name, setting in assumed.items() if worst[name] != setting):
         kept = [setting.passing_count for setting in drawn.settings if setting.switches[name] == assumed[name]]
@@ -138,11 +138,11 @@ def _with_way_on(first: DesignResult, fitted: FittedModel, request: DesignReques
     return first
 
 
-def _heard(result: DesignResult, fitted: FittedModel, drawn: SampleSettings) -> DesignResult:
+def _with_samples(result: DesignResult, fitted: FittedModel, drawn: SampleSettings) -> DesignResult:
     return replace(result, proof=with_samples(result.proof, fitted, drawn, result.conditions))
 
 
-def _drawn(result: DesignResult) -> SampleProof:
+def _samples_of(result: DesignResult) -> SampleProof:
     """Return what the samples showed.
 
     Raises:
@@ -155,14 +155,14 @@ def _drawn(result: DesignResult) -> SampleProof:
 
 def _hopeless(result: DesignResult) -> bool:
     """Return whether no design would pass: samples so few show nothing, or one in twenty lacks the power."""
-    drawn = _drawn(result)
+    drawn = _samples_of(result)
     reserve = next(spot.p95 for spot in drawn.criteria if spot.name == "power_reserve")
     return reserve <= 0.0 or verdict_of_samples(drawn.count, drawn.quantile, [drawn.count]) != "PASS"
 
 
 def _changed(first: DesignResult, result: DesignResult, more: int) -> DesignResult:
     """Return a design that was made for more heaters; it says so, and what that costs."""
-    before, now = (samples_text(_drawn(each).to_document()) for each in (first, result))
+    before, now = (samples_text(_samples_of(each).to_document()) for each in (first, result))
     what = f"designed for {more} of them as well"
     if result.proof.design and first.proof.design and (gains := gain_factors_text(first.ideal, result.ideal)):
         what = f"with {gains}, {what}"

@@ -59,7 +59,7 @@ def statements_of(numbers: Numbers) -> Statements:
     """Return the statements of a monitor; the same numbers give the same text."""
     each_call, each_block = tuple(_each_call(numbers)), tuple(_each_block(numbers))
     text = "".join(group.lines for group in each_call + each_block)
-    levels, powers = _kept(numbers)
+    levels, powers = _history_sizes(numbers)
     rows = {f"{of}_{back}": f"{what} of {_ago(back)}"
             for of, what, count in (("Level", "sum of readings", levels), ("Power", "sum of powers", powers))
             for back in range(count)}
@@ -80,7 +80,7 @@ def _alarm(name: str) -> int:
     return ALARMS.index(name)
 
 
-def _kept(numbers: Numbers) -> tuple[int, int]:
+def _history_sizes(numbers: Numbers) -> tuple[int, int]:
     """Return how many levels and sums of powers are kept."""
     window = max(numbers.slow_blocks, numbers.fast_blocks)
     return window + 1, numbers.delay_high + window if window else 0
@@ -120,7 +120,7 @@ def _each_call(numbers: Numbers) -> Iterator[Group]:
 
 
 def _each_block(numbers: Numbers) -> Iterator[Group]:
-    levels, powers = _kept(numbers)
+    levels, powers = _history_sizes(numbers)
     moved = [f"{of}_{back} := {of}_{back - 1}" for of, count in (("Level", levels), ("Power", powers))
              for back in range(count - 1, 0, -1)]
     ends = ["Level_0 := Level", *(["Power_0 := Asked"] if powers else []), "Level := 0", "Asked := 0", "In_Block := 0",

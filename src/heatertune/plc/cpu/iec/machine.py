@@ -279,17 +279,17 @@ class _Compiler:
                 made = True
                 yield line
         if not made:
-            yield self._made(f"{indent}pass")
+            yield self._noted_line(f"{indent}pass")
 
-    def _made(self, line: str) -> str:
+    def _noted_line(self, line: str) -> str:
         self._lines.append(self._line)
         return line
 
     def _run(self, statement: Statement, indent: str) -> Iterator[str]:
         if isinstance(statement, Assignment):
-            yield self._made(f"{indent}{self._assignment(statement)}")
+            yield self._noted_line(f"{indent}{self._assignment(statement)}")
         elif isinstance(statement, Call):
-            yield from (self._made(f"{indent}{line}") for line in self._call(statement))
+            yield from (self._noted_line(f"{indent}{line}") for line in self._call(statement))
         else:
             for number, arm in enumerate(statement.arms):
                 self._line = arm.line
@@ -297,7 +297,7 @@ class _Compiler:
                     head = "else:"
                 else:
                     head = f"{'elif' if number else 'if'} {self._to(arm.condition, 'BOOL')}:"
-                yield self._made(f"{indent}{head}")
+                yield self._noted_line(f"{indent}{head}")
                 yield from self._all(arm.body, f"{indent} ")
 
     def _assignment(self, statement: Assignment) -> str:
@@ -474,7 +474,7 @@ class TextProgram:
         except InputError:
             raise
         except (ArithmeticError, ValueError) as problem:
-            raise InputError(f"{self._told(problem)}; a controller stops here") from None
+            raise InputError(f"{self._stopped_at(problem)}; a controller stops here") from None
 
     def scans(self, tape: Tape) -> Got | None:
         """Run it many times, compiled, see `heatertune.plc.cpu.iec.machine.run_tape`."""
@@ -483,7 +483,7 @@ class TextProgram:
         places = {name: self._place(name) for name in (*tape.reals, *tape.wholes, *tape.outputs)}
         return run_tape(cast("FunctionType", self._block.run), self._memory.reals, self._memory.wholes, tape, places)
 
-    def _told(self, problem: BaseException) -> str:
+    def _stopped_at(self, problem: BaseException) -> str:
         """Return the line at which it stopped."""
         told, trace = "", problem.__traceback__
         while trace is not None:

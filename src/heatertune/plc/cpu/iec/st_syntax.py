@@ -119,7 +119,7 @@ class ProgramUnit:
 
     def line_text(self, line: int) -> str:
         """Return a line of its text as errors name it."""
-        return _told(self.lines, line)
+        return _place_text(self.lines, line)
 
 
 class _Token(NamedTuple):
@@ -161,7 +161,7 @@ def literal(text: str) -> Literal:
     return found
 
 
-def _told(lines: tuple[str, ...], line: int) -> str:
+def _place_text(lines: tuple[str, ...], line: int) -> str:
     return f"line {line}: {lines[line - 1].strip()!r}" if line <= len(lines) else "the end of the text"
 
 
@@ -178,7 +178,7 @@ class _TokenReader:
         while place < len(text):
             match = _TOKEN.match(text, place)
             if match is None:
-                raise InputError(f"{_told(self._lines, line)}; {text[place]!r} is no sign that is known here")
+                raise InputError(f"{_place_text(self._lines, line)}; {text[place]!r} is no sign that is known here")
             kind, found = str(match.lastgroup), match[0]
             if kind != "blank":
                 word = found.upper()
@@ -196,7 +196,7 @@ class _TokenReader:
         return self._now.kind
 
     def _expected(self, what: str) -> InputError:
-        return InputError(f"{_told(self._lines, self._now.line)}; expected {what}")
+        return InputError(f"{_place_text(self._lines, self._now.line)}; expected {what}")
 
     def _next(self, kind: str, what: str) -> str:
         if self.kind != kind:

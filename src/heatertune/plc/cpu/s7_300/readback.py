@@ -86,7 +86,7 @@ def read_source(text: str, fields: Sequence[WordField], source: str, export: Cal
     names = {field.name.upper(): field for field in fields}
     blocks = list(_blocks(text, source))
     block = _only(blocks, names, source)
-    collected, over = WordCollector(source, fields), [_told(other) for other in blocks if other is not block]
+    collected, over = WordCollector(source, fields), [_block_name(other) for other in blocks if other is not block]
     for line, name, value in block.members:
         field = names.get(name.strip('"').upper())
         if field is None:
@@ -98,7 +98,7 @@ def read_source(text: str, fields: Sequence[WordField], source: str, export: Cal
     return ReadBack(collected.values(), tuple(over), _comparing(text, export) if _program(text) else None)
 
 
-def _told(block: _BlockText) -> str:
+def _block_name(block: _BlockText) -> str:
     return f"data block{'' if block.number is None else f' DB {block.number}'} (line {block.line})"
 
 
