@@ -47,7 +47,7 @@ def proven(tmp_path_factory):
 
 
 @pytest.mark.parametrize("arguments", [("--help",), ("export-db", "--help"), ("fleet", "--help"), ("study", "--help"),
-                                       ("--version",)])
+                                       ("--version",), ("-V",)])
 def test_help_loads_none_of_the_slow_libraries(arguments):
     assert slow_modules(arguments) == "0 []"
 

@@ -169,7 +169,7 @@ def to_dict(value: object) -> dict[str, Any]:
         case Words():
             document = {"schema": WORDS_SCHEMA, **encode(construct_from(
                 WordsValues, value, words=value.values, setpoint_ramp=value.ramp))}
-        case Proof():
+        case Proof() | ProofView():
             document = value.to_document()
         case _:
             raise InputError(f"no document of a {type(value).__name__}; there is one of a log, a model, a design, "
@@ -193,8 +193,8 @@ class WordsValues:
 def load(path: str | Path) -> Log | FittedModel | PidDesign | Words | ProofView:
     """Return the value of a JSON file: of `save`, or of a command.
 
-    A log.json of `design` has not all of a log; read the log's own file. A proof is returned as its document, with
-    `verdict`, `criteria` and `runs`; its traces are not saved.
+    A log.json of `design` has not all of a log; read the log's own file. A proof has `verdict`, `criteria`, `runs`,
+    `summary()` and `to_frame()`; its traces are not saved, so it has no picture.
 
     Args:
         path: model.json, pid.json, words.json, proof.json, or a log that `save` wrote.
@@ -237,9 +237,10 @@ def rows(value: object) -> list[dict[str, Any]]:
             return [{"parameter": each.name, "address": each.address, "value": value.values[each.name],
                      "format": each.format, "low": each.low, "high": each.high, "meaning": each.comment}
                     for each in its]
-        case Proof():
-            return [{"criterion": each.name, "worst": each.value, "limit": each.limit, "unit": each.unit, "ok": each.ok,
-                     "run": each.where} for each in value.criteria]
+        case Proof() | ProofView():
+            worst = {each.name: each.view for each in value.criteria} if isinstance(value, Proof) else value.criteria
+            return [{"criterion": name, "worst": each.value, "limit": each.limit, "unit": each.unit, "ok": each.ok,
+                     "run": each.where} for name, each in worst.items()]
     raise InputError(f"no table of a {type(value).__name__}")
 
 

@@ -40,7 +40,7 @@ _FIRST: Final = {
 FAULT: Final = 70
 
 #: after these no command is looked at
-_BEFORE: Final = ("-h", "--help", "--help-all", "--version")
+_BEFORE: Final = ("-h", "--help", "--help-all", "-V", "--version")
 
 _EPILOG = """\
 the chain: log → model → pid → plc → proof → report
@@ -84,7 +84,7 @@ def parser(only: str | None = None) -> argparse.ArgumentParser:
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    top.add_argument("--version", action="version", version=f"heatertune {__version__}")
+    top.add_argument("-V", "--version", action="version", version=f"heatertune {__version__}")
     made: Any = CommandStub if only in _BEFORE else CommandParser
     commands = top.add_subparsers(title="commands", metavar="COMMAND", required=True, parser_class=made)
     for name in [only] if only in COMMAND_MODULES else COMMAND_MODULES:

@@ -33,6 +33,7 @@ from heatertune.proof.verdict import (
     combined_verdict,
     verdict_of_samples,
 )
+from heatertune.show import NotebookDisplay
 
 __all__ = [
     "ComparisonView", "LogView", "OutcomeView", "PicturesView", "ProofView", "RunView", "check_document", "digest_of",
@@ -312,8 +313,8 @@ class SamplesView:
 
 @register_schema(PROOF_SCHEMA)
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ProofView:
-    """The document of a proof; see `checked` for what it has to say of itself."""
+class ProofView(NotebookDisplay):
+    """A proof as its document has it, without traces, so without a picture; see `demand_whole`."""
 
     verdict: Verdict
     target: str
@@ -343,6 +344,10 @@ class ProofView:
         """Return verdict, controller, setpoint and number of runs in one line."""
         return (f"<ProofView {self.verdict} of {self.target} at {self.scenario.setpoint_degC:g} °C in "
                 f"{len(self.runs)} runs>")
+
+    def to_document(self) -> dict[str, Any]:
+        """Return the JSON document."""
+        return encode(self)
 
     def demand_whole(self, where: str | Path) -> None:
         """Refuse a proof that lacks criteria, or says what does not follow from its values.

@@ -20,6 +20,7 @@ from heatertune.plc import Words, controller_for
 from heatertune.plc.inputs import describe_range
 from heatertune.plc.keyed_entry import typed_table, typed_words
 from heatertune.proof import Proof, Trace
+from heatertune.proof.proof_document import ProofView
 from heatertune.report.html import bullets, table, text_of
 from heatertune.report.plots import LOOK, key, label_levels, new_figure, power_limits, to_svg
 from heatertune.report.report_text import criterion_value, figure, model_rows
@@ -132,6 +133,11 @@ def _words_pictures(value: Words) -> Sequence[Panel]:
     if design is None:
         raise ValueError(f"the words of {value.target} are no PID constants")
     return panels(design)
+
+
+@panels.register
+def _saved_proof_pictures(_value: ProofView) -> Sequence[Panel]:
+    raise InputError("a proof that was saved has no traces to draw; heatertune.prove(words, model).plot() draws them")
 
 
 @panels.register
@@ -257,7 +263,7 @@ def _words(value: Words) -> str:
 
 
 @card.register
-def _proof(value: Proof) -> str:
+def _proof(value: Proof | ProofView) -> str:
     rows = []
     document = plain(value.to_document())
     for name, criterion in document["criteria"].items():
@@ -268,8 +274,9 @@ def _proof(value: Proof) -> str:
     models = len({run.model for run in value.runs})
     counted = f"<p>{len(value.runs)} runs on {models} heater models; each criterion is the worst of all runs.</p>"
     return _card(
-        f"proof of {value.words.target}: {value.verdict}", counted,
-        table(["criterion", "worst", "limit", "unit", ""], rows, numeric=(1,)), _picture(value), bullets(value.faults),
+        f"proof of {document['target']}: {value.verdict}", counted,
+        table(["criterion", "worst", "limit", "unit", ""], rows, numeric=(1,)),
+        _picture(value) if isinstance(value, Proof) else "", bullets(value.faults),
     )
 
 

@@ -17,6 +17,7 @@ from heatertune.plc import Words, controller_for
 from heatertune.plc.inputs import describe_range
 from heatertune.plc.keyed_entry import typed_table, typed_words
 from heatertune.proof import Proof, Trace
+from heatertune.proof.proof_document import ProofView
 from heatertune.proof.verdict import verdict_line
 from heatertune.report.cards import card, draw_figure, panels
 from heatertune.report.layout import table
@@ -49,7 +50,7 @@ def summary(value: object, *, verbose: bool = False) -> str:
     if not verbose and isinstance(value, FittedModel):
         brief = model_brief(plain(model_document.to_document(value)))
         return f"{value!r}\n\n{brief}".replace("--verbose", "summary(verbose=True)")
-    if not verbose and isinstance(value, Proof):
+    if not verbose and isinstance(value, Proof | ProofView):
         return verify_brief(plain(value.to_document()))
     return whole_summary(value)
 
@@ -93,7 +94,7 @@ def _words(value: Words) -> str:
 
 
 @whole_summary.register
-def _proof(value: Proof) -> str:
+def _proof(value: Proof | ProofView) -> str:
     document = plain(value.to_document())
     return f"{verdict_line(document)}\n{criteria_table(document)}"
 
