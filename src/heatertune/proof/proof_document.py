@@ -347,7 +347,8 @@ class ProofView(NotebookDisplay):
 
     def to_document(self) -> dict[str, Any]:
         """Return the JSON document."""
-        return encode(self)
+        document: dict[str, Any] = encode(self)
+        return document
 
     def demand_whole(self, where: str | Path) -> None:
         """Refuse a proof that lacks criteria, or says what does not follow from its values.
