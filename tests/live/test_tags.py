@@ -124,7 +124,7 @@ def test_words_are_written_by_names_one_after_the_other_and_put_back(plc, made, 
 
 def test_rows_are_recorded_and_the_words_of_another_controller_refused(plc, made, tmp_path):
     log = tmp_path / "log.csv"
-    status, said = told("record", by_names(plc), "--design", made, "-o", log, "--duration", 60, "--quiet")
+    status, said = told("record", by_names(plc), "--design", made, "-o", log, "--duration", 600, "--quiet")
     assert status == 0, said
     rows = [line.split(",") for line in log.read_text().splitlines() if line[:1].isdigit()]
     assert len(rows) > 3
