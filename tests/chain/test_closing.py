@@ -182,6 +182,7 @@ def test_a_windup_that_gains_mend_dearly_is_kept_small_by_a_limit_of_the_output(
     assert (again.verdict, again.criteria) == ("PASS", found.proof.criteria)
 
 
+@pytest.mark.contained  # in tests/cli/test_terminal.py, which follows the remedy as well
 @pytest.mark.long
 @pytest.mark.usefixtures("whole_story")
 def test_where_no_design_keeps_the_limit_down_to_the_lowest_setpoint_the_upper_end_alone_is_the_way_on():
