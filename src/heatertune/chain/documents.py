@@ -169,8 +169,10 @@ def to_dict(value: object) -> dict[str, Any]:
         case Words():
             document = {"schema": WORDS_SCHEMA, **encode(construct_from(
                 WordsValues, value, words=value.values, setpoint_ramp=value.ramp))}
-        case Proof() | ProofView():
+        case Proof():
             document = value.to_document()
+        case ProofView():
+            document = encode(value)
         case _:
             raise InputError(f"no document of a {type(value).__name__}; there is one of a log, a model, a design, "
                              "parameters and a proof")

@@ -345,11 +345,6 @@ class ProofView(NotebookDisplay):
         return (f"<ProofView {self.verdict} of {self.target} at {self.scenario.setpoint_degC:g} °C in "
                 f"{len(self.runs)} runs>")
 
-    def to_document(self) -> dict[str, Any]:
-        """Return the JSON document."""
-        document: dict[str, Any] = encode(self)
-        return document
-
     def demand_whole(self, where: str | Path) -> None:
         """Refuse a proof that lacks criteria, or says what does not follow from its values.
 

@@ -265,7 +265,7 @@ def _words(value: Words) -> str:
 @card.register
 def _proof(value: Proof | ProofView) -> str:
     rows = []
-    document = plain(value.to_document())
+    document = plain(value.to_dict())
     for name, criterion in document["criteria"].items():
         bound = "≥" if criterion["bound"] == ">=" else "≤"
         limit = "" if criterion["limit"] is None else f"{bound} {figure(criterion['limit'])}"

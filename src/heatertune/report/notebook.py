@@ -51,7 +51,7 @@ def summary(value: object, *, verbose: bool = False) -> str:
         brief = model_brief(plain(model_document.to_document(value)))
         return f"{value!r}\n\n{brief}".replace("--verbose", "summary(verbose=True)")
     if not verbose and isinstance(value, Proof | ProofView):
-        return verify_brief(plain(value.to_document()))
+        return verify_brief(plain(value.to_dict()))
     return whole_summary(value)
 
 
@@ -95,7 +95,7 @@ def _words(value: Words) -> str:
 
 @whole_summary.register
 def _proof(value: Proof | ProofView) -> str:
-    document = plain(value.to_document())
+    document = plain(value.to_dict())
     return f"{verdict_line(document)}\n{criteria_table(document)}"
 
 
