@@ -114,11 +114,9 @@ def test_the_heater_that_is_the_hardest_in_a_part_of_the_range_is_found_where_it
     fitted, wanted = logged(126, target, tmp_path)
     free = find_passing_design(fitted, replace(wanted, tune_settings=replace(wanted.tune_settings, sample_time_s=None)))
     assert free.proof.verdict == "PASS"
-    # where a search for this interval ends, which takes 200 s itself
-    ended = Words(target=target, values={"KP": 18225, "KI": 1416, "KD": 10146, "SCALE": 4, "TICK": 250, "TICKS": 128}, scaling=wanted.scaling,
-                  sample_time_s=32.0, ramp=Ramp(step=7, calls=8, hold=8))
-    assert wanted.tune_settings.sample_time_s == ended.sample_time_s
-    design = replace(free, proof=prove(ended, fitted, wanted.conditions))
+    last = _last_words(wanted)
+    assert wanted.tune_settings.sample_time_s == last.sample_time_s
+    design = replace(free, proof=prove(last, fitted, wanted.conditions))
     models, lowest = holding_heaters(fitted, setpoints_for(fitted, wanted.conditions)[1]), wanted.conditions.lowest_degC
     library, limits = compiled(tmp_path), _limits(design.proof.limits) | {"iae": math.inf}
     assert len(models) > 1
@@ -128,6 +126,21 @@ def test_the_heater_that_is_the_hardest_in_a_part_of_the_range_is_found_where_it
     assert design.proof.verdict == "NOT PROVEN"
     assert "low-outage" in [finding.name for finding in design.proof.diagnostics.findings]
     assert _most(low_overshoots, library, models, design, limits, lowest) > 1.0
+
+
+def _last_words(wanted):
+    """Return the words at which the search for heater 126 on s7-200 ends, which takes 200 s itself."""
+    return Words(target="s7-200", values={"KP": 18225, "KI": 1416, "KD": 10146, "SCALE": 4, "TICK": 250, "TICKS": 128},
+                 scaling=wanted.scaling, sample_time_s=32.0, ramp=Ramp(step=7, calls=8, hold=8))
+
+
+@pytest.mark.sample
+@pytest.mark.long(seconds=200)
+def test_the_search_for_the_stated_interval_ends_at_these_words_and_names_the_way_on(tmp_path):
+    fitted, wanted = logged(126, "s7-200", tmp_path)
+    design = find_passing_design(fitted, wanted)
+    assert design.proof.words == _last_words(wanted)
+    assert design.passes_with == ("--sample-time", "auto")
 
 
 @pytest.mark.long(seconds=20)

@@ -194,6 +194,8 @@ def test_where_no_design_keeps_the_limit_down_to_the_lowest_setpoint_the_upper_e
     found = find_passing_design(model, asked)
     assert found.proof.verdict == "NOT PROVEN"
     assert found.passes_with == ("--setpoint", "40")
+    alone = replace(asked, conditions=replace(asked.conditions, setpoint_degC=40.0))
+    assert find_passing_design(model, alone).proof.verdict == "PASS"
 
 
 @pytest.mark.long
