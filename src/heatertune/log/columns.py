@@ -170,9 +170,9 @@ def choose_column(sheet: Sheet, role: str, column: str | int) -> int:
 def _by_name(sheet: Sheet, index: dict[str, int], absent: set[str], notes: list[str]) -> None:
     taken = set(index.values())
     by_role: dict[str, list[int]] = {role: [] for role in ROLES if role not in absent}
-    for i, name in enumerate(sheet.header):
-        role = role_of(name)
-        if role in by_role and i not in taken and not _is_text(sheet, role, i):
+    roles = list(map(role_of, sheet.header))
+    for i, role in enumerate(roles):
+        if role in by_role and i not in taken and not _is_text(sheet, role, i, several=roles.count(role) > 1):
             by_role[role].append(i)
     if not by_role.get("time", True) and "time" not in index and (clock := _clock_by_content(sheet, taken)) is not None:
         by_role["time"] = [clock]
@@ -235,13 +235,16 @@ def _stands(cells: CellColumn) -> bool:
     return all(cell == cells[0] for cell in cells.kinds())
 
 
-def _is_text(sheet: Sheet, role: str, i: int) -> bool:
-    """Return whether a column contradicts its name: words in "control mode", numbers in "data" (Portuguese: date)."""
+def _is_text(sheet: Sheet, role: str, i: int, *, several: bool) -> bool:
+    """Return whether a column contradicts its name: words in "control mode", numbers in "data" (Portuguese: date).
+
+    `several`: names of this role.
+    """
     cell = sheet.columns[i][0]
     if role == "time":
         return is_second_choice(sheet.header[i]) and is_number(cell) and not _is_sheet_day(cell)
     return (role == "power" and not any(fits(cell) for fits in (is_number, says_nothing, is_switch_word))
-            and (is_second_choice(sheet.header[i]) or list(map(role_of, sheet.header)).count("power") > 1))
+            and (several or is_second_choice(sheet.header[i])))
 
 
 def _is_sheet_day(cell: str) -> bool:

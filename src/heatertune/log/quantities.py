@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import lru_cache, partial
+from functools import partial
 from itertools import accumulate, combinations, pairwise
 from operator import itemgetter
 from pathlib import Path
@@ -123,7 +123,6 @@ _SCALED: Final[dict[str, re.Pattern[str]]] = {
     "power": re.compile(rf"{_TIMES_TEN}|\b(0[.,]0?1|1/10+) ?%|‰|(?i:permil|promille)")}
 
 
-@lru_cache(maxsize=4096)
 def role_of(name: str) -> str | None:
     """Return the role denoted by a name, or None."""
     plain = plain_name(name)
