@@ -123,6 +123,15 @@ def test_an_exported_block_is_read_back_and_proven(run, by_hand, tmp_path):
     assert "2 bytes; expected 98" in err
 
 
+def test_a_range_of_the_sensor_that_the_gain_depends_on_is_a_condition(run, tmp_path):
+    # the S7-200's loop gain is a share of full power per share of the range: over 200 °C it is half as much per °C
+    (tmp_path / "loop.txt").write_text("VD112 2.0\nVD116 1.0\nVD120 10.0\nVD124 0.0\n")
+    decode = ("decode", tmp_path / "loop.txt", "--target", "s7-200-pid", "--called-every", 1, "--json")
+    told = [json.loads(run(*decode, *options)[1]) for options in ((), ("--range", 0, 200), ("--range", 0, 100), ("--input", "rtd"))]
+    assert [any("--range LOW HIGH" in premise for premise in document["assumed"]) for document in told] == [True, False, False, False]
+    assert [document["realised"]["gain_pct_per_degC"] for document in told[:3]] == [2.0, 1.0, 2.0]
+
+
 def test_words_are_read_back_from_the_text_that_tools_print(run, tmp_path):
     design = PidDesign(gain_pct_per_degC=5.0, integral_time_s=90.0, derivative_time_s=0.0, sample_time_s=3.5, structure="pi", method="")
     words = controller_for("weg").encode(design, Scaling())
@@ -133,6 +142,7 @@ def test_words_are_read_back_from_the_text_that_tools_print(run, tmp_path):
     assert (document["realised"]["gain_pct_per_degC"], document["realised"]["sample_time_s"]) == (5.0, 3.5)
     status, out, _ = run("decode", tmp_path / "weg_pid_call.st", "--target", "weg")
     assert (status, "not looked at: SetPoint := HeaterSetPoint" in out) == (0, True)
+    assert "--range" not in out  # WEG's block computes in °C, whatever the sensor's range
     changed = (tmp_path / "weg_pid_call.st").read_text().replace("Kp := ", "Kp := 1.1.")
     (tmp_path / "weg.st").write_text(changed)
     line = next(number for number, text in enumerate(changed.splitlines(), 1) if "Kp := 1.1.5.0" in text)

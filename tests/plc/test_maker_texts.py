@@ -87,6 +87,27 @@ def test_a_sketch_is_read_as_sketches_are_written():
     assert over == ("OutMax = 255", "output 255 = full power")
 
 
+@pytest.mark.parametrize(("line", "parts"), [
+    ("Input = analogRead(A0);", ("analogRead(A0)", "counts", "per °C")),
+    ("Input = map(analogRead(A0), 0, 1023, 0, 255);", ("map(analogRead(A0)", "counts")),
+    ("int raw = analogRead(A0); Input = raw;", ("Input = analogRead(A0)", "counts")),
+    ("Input = thermocouple.readFahrenheit();", ("°F", "1.8")), ("float f = c * 1.8 + 32; Input = f;", ("Input = c * 1.8 + 32", "°F")), ("Input = sensor.getTempF(probe);", ("°F",)),
+])
+def test_gains_per_count_or_fahrenheit_are_not_taken_for_gains_per_degree(line, parts):
+    # PID_Basic, the library's own example, regulates analogRead's counts
+    sketch = "double Setpoint, Input = 0, Output;\nPID heater(&Input, &Output, &Setpoint, 2, 5, 1, DIRECT);\nvoid loop() {{ {} heater.Compute(); }}"
+    _refused("arduino-pid", sketch.format(line), *parts)
+    values, _ = _read("arduino-pid", sketch.format("Input = (analogRead(A0) * 5.0 / 1023 - 0.5) * 100;"))
+    assert values["Kp"] == 2.0
+
+
+@pytest.mark.parametrize("reading", ["adc.read_u16()", "adc.value", "chan_adc.read()", "read_adc(0)", "probe.temperature_f", "probe.fahrenheit()"])
+def test_a_module_whose_reading_is_not_in_degrees_is_refused(reading):
+    module = "pid = PID(2.0, 0.1, 0.0, sample_time=2, output_limits=(0, 100))\npower = pid({})\n"
+    _refused("simple-pid", module.format(reading), "line 2", reading, "per °C" if "adc" in reading else "1.8")
+    assert _read("simple-pid", module.format(f"({reading} - 32) * 0.01" if "adc" in reading else "probe.temperature"))[0]["Kp"] == 2.0
+
+
 @pytest.mark.parametrize(("text", "parts"), [
     ("void loop() {}", ("no constructor",)), ("PID p(&i,&o,&s,1,2,3,REVERSE);", ("DIRECT",)), ("PID p(&i,&o,&s,kp,2,3,DIRECT);", ("Kp", "kp")),
     ("PID p(&i,&o,&s,1,2,3,DIRECT);\nvoid loop() { p.SetTunings(2,3,4); }", ("line 2", "SetTunings")),

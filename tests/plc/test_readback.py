@@ -183,9 +183,30 @@ def test_a_data_block_of_micro_win_is_read_for_both_programs():
     assert over == ("VW10 7 (line 1)", "VW12 8 (line 1)")
 
 
+def test_a_status_chart_of_micro_win_is_read():
+    # columns of Micro/WIN's status chart; the new value has not been written to the CPU
+    chart = ("\tAddress\tFormat\tCurrent Value\tNew Value\n1\tVD112\tFloating Point\t2.5\t9.0\n2\tVD116\tFloating Point\t3.0\n"
+             "3\tVD120\tFloating Point\t5.5\n4\tVD124\tGleitpunkt\t0.5\n5\tVW10\tSigned\t+7\n")
+    read, over = _read("s7-200-pid", chart, interval=3.0)
+    assert (read.values["KC"], read.values["TS"], read.values["TI"], read.values["TD"]) == (2.5, 3.0, 5.5, 0.5)
+    assert over == ("VW10 +7 (line 6)",)
+
+
+def test_a_program_of_ones_own_is_read_by_the_place_of_its_loop_table():
+    # S7-200 system manual, PID instruction: gain, sample time, TI and TD are 12, 16, 20 and 24 bytes into the table
+    program = "NETWORK 1\nLD SM0.1\nMOVR 0.75, VD404\nMOVR 2.0, VD412\nMOVR 0.5, VD416\nMOVR 10.0, VD420\nMOVR 0.0, VD424\nMOVB 100, SMB34\n"
+    machine = read_machine(controller_for("s7-200-pid"), (program + "PID VB400, 0\n").encode(), sample_time_s=None, scaling=Scaling(), source="b")
+    read = machine.words
+    assert (read.values["KC"], read.values["TS"], read.values["TI"], read.values["TD"]) == (2.0, 0.5, 10.0, 0.0)
+    assert read.sample_time_s == 0.5
+    assert machine.assumed == ("called every 0.5 s", "the heater is switched by a PWM with a cycle of 0.5 s")
+    assert _read("s7-200-pid", program + "PID VB400, 0\n", interval=2.0)[0].sample_time_s == 2.0
+    _refused("s7-200-pid", program + "PID VB400, 0\nPID VB500, 1\n", "VB400, VB500", "one loop")
+
+
 @pytest.mark.parametrize(("target", "block", "said"), [
     ("s7-200-pid", "VD112 2\n", ("line 1", "KC", "'2'", "REAL with a point")),
-    ("s7-200-pid", "VD112 2.5\nVD116 3.0\nVD120 5.0\n", ("TD (VD124)",)),
+    ("s7-200-pid", "VD112 2.5\nVD116 3.0\nVD120 5.0\n", ("TD (VD124)",)), ("s7-200-pid", "VD112 2.5\nVD120 5.0\nVD124 0.0\n", ("TS (VD116)",)),
     ("s7-200-pid", "VD112 2,5\n", ("line 1", "KC")),
     ("s7-200-pid", "VD112 2.5\nVD112 2.5\n", ("line 2", "line 1 has it")),
     ("s7-200-pid", "VD112 1e39\nVD116 3.0\n", ("line 1", "'1e39'")),

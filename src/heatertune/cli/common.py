@@ -452,12 +452,18 @@ def words_of_machine(settings: argparse.Namespace, path: str) -> Machine:
     Raises:
         InputError: the file cannot be read.
     """
-    from heatertune.plc.dump_reader import content_of, read_machine
+    from heatertune.plc.dump_reader import content_of, gain_depends_on_range, read_machine
 
     if settings.called_every is not None:
         check("--called-every", settings.called_every, above=0.0)
-    return read_machine(plc.controller_for(target(settings)), content_of(path), sample_time_s=settings.called_every,
-                        scaling=scaling(settings), source=path, stated=conditions(settings).switches)
+    controller, sensor = plc.controller_for(target(settings)), scaling(settings)
+    read = read_machine(controller, content_of(path), sample_time_s=settings.called_every, scaling=sensor, source=path,
+                        stated=conditions(settings).switches)
+    if options.provided_options(SensorSettings, settings).keys() & {"range_degC"} or not gain_depends_on_range(
+            controller, read.words):
+        return read
+    return read._replace(assumed=(*read.assumed, f"a sensor of {sensor.low_degC:g} to {sensor.high_degC:g} °C, else "
+                                  "--range LOW HIGH"))
 
 
 def wants_proof(settings: argparse.Namespace) -> bool:

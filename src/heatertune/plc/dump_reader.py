@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Final, NamedTuple
 
 from heatertune.errors import InputError, OutOfRange
 from heatertune.pid.design_values import PidDesign
 from heatertune.plc.controller import Controller
+from heatertune.plc.inputs import has_ends
 from heatertune.plc.open_points import settings_of
 from heatertune.plc.readback import lines_of, text_of, wrong
 from heatertune.plc.words import Scaling, Words, check_fields
 from heatertune.writing import read_bytes
 
-__all__ = ["Machine", "content_of", "read_machine", "realised_design"]
+__all__ = ["Machine", "content_of", "gain_depends_on_range", "read_machine", "realised_design"]
 
 #: a file so named is no text, whatever it holds
 _BINARY: Final = ".bin"
@@ -113,6 +115,17 @@ def _interval(controller: Controller, sample_time_s: float | None) -> float:
     if sample_time_s is None:
         raise InputError(f"--called-every is needed: no parameter of {controller.name} contains its call interval")
     return sample_time_s
+
+
+def gain_depends_on_range(controller: Controller, words: Words) -> bool:
+    """Return whether the words make another gain with another range of the sensor, which no memory holds."""
+    s = words.scaling
+    if has_ends(controller.ranges, s.input):  # then the module's range is the sensor's
+        return False
+    wider = replace(words, scaling=controller.scaled(s.input, (s.low_degC, s.high_degC + s.span_degC)))
+    gains = [None if design is None else design.gain_pct_per_degC
+             for design in (realised_design(controller, each) for each in (words, wider))]
+    return gains[0] != gains[1]
 
 
 def realised_design(controller: Controller, words: Words) -> PidDesign | None:

@@ -148,6 +148,10 @@ class WordCollector:
     def __contains__(self, name: str) -> bool:
         return name in self._values
 
+    def get(self, name: str) -> Number | None:
+        """Return a parameter, None where the text has not stated it."""
+        return self._values.get(name)
+
     def put(self, name: str, value: Number | None, line: int, shown: str) -> None:
         """Store a parameter.
 

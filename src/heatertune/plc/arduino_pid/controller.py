@@ -142,6 +142,9 @@ _FULLS: Final = ("full", "windowsize", "window_size")
 _SCALES: Final = (1.0, 100.0, FULL, 1023.0, 4095.0, 65535.0)
 _SECOND_MS: Final = 1000.0
 _ANALOG: Final = re.compile(r"\banalogWrite\b")
+#: the converter's counts as they are, or in another scale; `_ASSIGNED` ends at a comma
+_COUNTS: Final = re.compile(r"(?:\(\s*\w+\s*\)\s*)?(?:map\s*\(\s*)?analogRead\s*\([^()]*\)\s*")
+_FAHRENHEIT: Final = re.compile(r"Fahrenheit|(?:To|Temp|get)F\b|\*\s*(?:9\.?0*\s*/\s*5|1\.8)\D")
 
 
 class _LibraryCall(NamedTuple):
@@ -158,7 +161,7 @@ def from_text(text: str, _sample_time_s: float | None, source: str) -> ReadBack:
     Raises:
         InputError: no constructor of PID_v1 or several; a gain that is no number, has several values or is out of its
             range; REVERSE; a lower limit other than 0; gains that the sketch changes later; an output whose full
-            power is not constants.
+            power is not constants; a reading in counts.
     """
     plain = blank_matches(_COMMENT, text.replace("\r\n", "\n").replace("\r", "\n"))
     demand_whole_lines(plain, source)
@@ -171,7 +174,9 @@ def from_text(text: str, _sample_time_s: float | None, source: str) -> ReadBack:
     _demand_known_functions(plain, made[0]["own"] or made[0]["made"], source)
     for call in calls["ControllerDirection"]:
         _demand_direct(call.arguments, call.line, source)
-    gains, mode = _gains(made[0][2] or made[0][4] or "", line, calls["Tunings"], constants, source)
+    arguments = made[0][2] or made[0][4] or ""
+    gains, mode = _gains(arguments, line, calls["Tunings"], constants, source)
+    _demand_degrees(arguments.partition(",")[0].strip(" &"), constants, source)
     collected = WordCollector(source, FIELDS)
     for field, (where, value) in zip(GAINS, gains, strict=True):
         collected.put(field.name, _number(value, constants), where, _shown(value, constants))
@@ -202,6 +207,15 @@ def _demand_known_functions(plain: str, own: str, source: str) -> None:
     for match in re.finditer(rf"\b{own}\s*(?:\.|->)\s*(\w*)", plain):
         if match[1] not in _OTHERS and not _SETS.match(match[1]):
             raise wrong(source, _line(plain, match.start()), f"{own}.{match[1]}", match[0], "a function of PID_v1")
+
+
+def _demand_degrees(reading: str, constants: Mapping[str, str], source: str) -> None:
+    """Refuse a reading in counts of the converter, or in °F: the gains are then per count or °F."""
+    for value in (part for name in constants.get(reading, "").split(" and ") for part in constants.get(name, name).split(" and ")):
+        if _COUNTS.fullmatch(value) or _FAHRENHEIT.search(value):
+            unit, factor = ("counts", "the counts per °C") if _COUNTS.fullmatch(value) else ("°F", "1.8")
+            raise InputError(f"{source}: {reading} = {value[:40]}: {unit}; expected a reading in °C: let the sketch "
+                             f"convert it, and multiply each gain by {factor}")
 
 
 def _calls(plain: str, source: str) -> dict[str, list[_LibraryCall]]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import struct
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 from heatertune.errors import InputError
@@ -22,7 +22,7 @@ from heatertune.plc.cpu.s7_200.assembler import (
     timed_interrupt,
 )
 from heatertune.plc.cpu.s7_200.io_and_cycle import SWITCH, clock, cycle_ms, head, ticks_of, whole_cycle
-from heatertune.plc.cpu.s7_200.readback import DataBlockMemory, difference, is_program, loads
+from heatertune.plc.cpu.s7_200.readback import DataBlockMemory, LoadedNumber, difference, is_program, loads
 from heatertune.plc.firmware.firmware_text import blank_matches
 from heatertune.plc.inputs import BROKEN_MA, FOUR_TO_TWENTY, INPUTS, has_ends, module, share_of
 from heatertune.plc.print.statements import setpoint_ramp
@@ -227,20 +227,53 @@ def from_text(text: str, sample_time_s: float | None, source: str) -> ReadBack:
         return _from_list(listed, collected, sample_time_s, source)
     if not is_program(text):
         return _from_memory(DataBlockMemory(text, source), collected, sample_time_s)
-    loaded = loads(text, source)
+    loaded, offset = loads(text, source), _table(text, source) - TABLE
     for field in _REALS:
-        for number in loaded.get(field.address, ()):
+        for number in loaded.get(f"VD{int(field.address[2:]) + offset}", ()):
             collected.put(field.name, number.value, number.line, number.shown)
-    for tick in loaded.get("SMB34", ()):
+    assumed = () if _has_ticks(loaded, collected, source) else _pulses(collected, sample_time_s, source)
+    return ReadBack(collected.values(), unlike=lambda words: difference(text, pid_program(words)), assumed=assumed)
+
+
+def _has_ticks(loaded: Mapping[str, Sequence[LoadedNumber]], collected: WordCollector, source: str) -> bool:
+    """Store the ticks of the PWM, and return whether the program has one."""
+    cycles = loaded.get("SMW68", ())
+    for tick in loaded.get("SMB34", ()) if cycles else ():  # without a PWM the interrupt may be of anything
         collected.put("TICK", tick.value, tick.line, tick.shown)
-        for cycle in loaded.get("SMW68", ()):
+        for cycle in cycles:
             if tick.value <= 0 or cycle.value % tick.value:
                 whole = f"whole ticks: a multiple of SMB34 = {tick.shown}"
                 raise wrong(source, cycle.line, "SMW68", cycle.shown, whole)
             collected.put("TICKS", int(cycle.value // tick.value), cycle.line, cycle.shown)
-    return ReadBack(collected.values(), unlike=lambda words: difference(text, pid_program(words)))
+    return bool(cycles)
 
 
+def _table(text: str, source: str) -> int:
+    """Return where the loop table begins, as the PID instruction says."""
+    tables = {int(match[1]): match for match in _PID.finditer(text)}
+    if len(tables) > 1:
+        raise InputError(f"{source}: PID instructions with the tables {', '.join(f'VB{n}' for n in tables)}; expected "
+                         "the program of one loop: leave the others out")
+    return next(iter(tables), TABLE)
+
+
+def _pulses(collected: WordCollector, sample_time_s: float | None, source: str) -> tuple[str, ...]:
+    """Fill in the PWM of the exported program, whose cycle is the interval; return what was assumed.
+
+    Raises:
+        InputError: neither an interval nor a sample time is known.
+        NotRepresentable: an interval that the PWM program cannot do.
+    """
+    stated = collected.get("TS")
+    interval = stated if sample_time_s is None else sample_time_s
+    if interval is None:
+        raise InputError(f"--called-every is needed: {source} has no sample time")
+    collected.assume(ticks_of(whole_cycle(interval)))
+    called = () if sample_time_s else (f"called every {interval:g} s",)
+    return (*called, f"the heater is switched by a PWM with a cycle of {interval:g} s")
+
+
+_PID: Final = re.compile(r"^\s*PID\s+VB\s?(\d+)", re.IGNORECASE | re.MULTILINE)
 _OWN_TABLE: Final = re.compile(r"^\s*V[BWD]\s?1[0-3]\d\s", re.IGNORECASE | re.MULTILINE)
 #: an entry of the wizard's own data block, whose table begins elsewhere: its comment says what it is
 _COMMENTED: Final = re.compile(r"^\s*VD\s?\d+\s+(\S+)\s*//\s*([^\r\n]*?)\s*$", re.IGNORECASE | re.MULTILINE)
@@ -268,12 +301,10 @@ def _from_list(text: str, collected: WordCollector, sample_time_s: float | None,
     plain = blank_matches(_COMMENT, text)
     words = put_pasted(collected, plain, asked, _NEEDED, source)
     bare = [word.name for word in words if word.name in ("TI", "TD") and word.value and not word.has_unit]
-    stated = next((word.value for word in words if word.name == "TS"), None)
-    interval = stated if sample_time_s is None else sample_time_s
-    if interval is None:
-        raise InputError(f"--called-every is needed: {source} has no sample time")
-    collected.assume({"TS": single(interval), **ticks_of(whole_cycle(interval))})
-    assumed = (f"{' and '.join(dict.fromkeys(bare))} in minutes",) if bare else ()
+    minutes = (f"{' and '.join(dict.fromkeys(bare))} in minutes",) if bare else ()
+    if sample_time_s is not None:
+        collected.assume({"TS": single(sample_time_s)})
+    assumed = (*minutes, *_pulses(collected, sample_time_s, source))
     return ReadBack(collected.values(), unread_lines(plain, asked), assumed=assumed)
 
 
@@ -284,9 +315,8 @@ def _from_memory(memory: DataBlockMemory, collected: WordCollector, sample_time_
             collected.put(field.name, number.value, number.line, number.shown)
     if sample_time_s is None:
         raise InputError("--called-every is needed: a data block does not tell how often the loop is called")
-    for name, ticks in ticks_of(whole_cycle(sample_time_s)).items():
-        collected.put(name, ticks, 0, str(ticks))
-    return ReadBack(collected.values(), memory.rest)
+    assumed = _pulses(collected, sample_time_s, "")
+    return ReadBack(collected.values(), memory.rest, assumed=assumed)
 
 
 def export_words(words: Words, certificate: Certificate) -> dict[str, str | bytes]:

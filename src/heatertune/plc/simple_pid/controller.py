@@ -120,6 +120,10 @@ _PERIOD: Final = "PERIOD_MS"
 _FULL: Final = "FULL"
 _SCALES: Final = (1.0, FULL, 255.0, 1023.0, 4095.0, 65535.0)
 _TUNINGS: Final = "tunings"
+#: what MicroPython, CircuitPython and libraries of converters give: counts
+_COUNTS: Final = re.compile(
+    r"(?:[\w.]*\.)?(?:read_u16|read_adc|analog_?read)\(.*\)|\w*adc\w*\.(?:read\(\)|value)", re.IGNORECASE)
+_FAHRENHEIT: Final = re.compile(r"fahrenheit|_f\b", re.IGNORECASE)
 #: what may be set after the call, as attributes of the object
 _LATER: Final = (*_GAIN_NAMES, _TUNINGS, "sample_time", "output_limits", _P_ON, _D_ON)
 _PROMPT: Final = re.compile(r"^(?:>>> ?|\.\.\. ?|In \[\d+\]: ?)", re.MULTILINE)
@@ -146,6 +150,7 @@ def _read(body: Sequence[ast.stmt], sample_time_s: float | None, source: str) ->
         raise InputError(f"{source}: {len(calls) or 'no'} calls of PID; expected one, such as PID(2.0, 0.1, 0.0, "
                          "output_limits=(0, 100))")
     constants, call = _constants(body), calls[0]
+    _demand_degrees(body, call, source)
     given, lines = _arguments(call, constants, source), dict.fromkeys(_ORDER, call.lineno)
     unstated = {name for number, name in enumerate(_GAIN_NAMES)
                 if number >= len(call.args) and all(keyword.arg != name for keyword in call.keywords)}
@@ -168,6 +173,18 @@ def _read(body: Sequence[ast.stmt], sample_time_s: float | None, source: str) ->
     assumed += [f"{name} = {given[name]:g}" for name in _GAIN_NAMES if name in unstated]
     over = () if slow is None else (f"sample_time = {slow}: calls that come sooner are left out, which is not run",)
     return ReadBack(collected.values(), over, assumed=(*assumed, *told))
+
+
+def _demand_degrees(body: Sequence[ast.stmt], constructor: ast.Call, source: str) -> None:
+    """Refuse a reading in counts of a converter, or in °F: the gains are then per count or °F."""
+    nodes = [node for each in body for node in ast.walk(each)]
+    own = [_named(node.targets[0]) for node in nodes if isinstance(node, ast.Assign) and node.value is constructor]
+    for call in (node for node in nodes if isinstance(node, ast.Call) and _named(node.func) in own):
+        shown = "".join(ast.unparse(argument) for argument in call.args[:1])
+        factor = "1.8" if _FAHRENHEIT.search(shown) else "the counts per °C" if _COUNTS.fullmatch(shown) else None
+        if factor is not None:
+            raise wrong(source, call.lineno, "reading", shown,
+                        f"one in °C: let the program convert it, and multiply each gain by {factor}")
 
 
 def _output(

@@ -23,6 +23,11 @@ _MOST: Final = 65536
 _NO_CODE: Final = re.compile(r"TITLE\b.*|BEGIN|(?:END_)?\w+_BLOCK|NETWORK", re.IGNORECASE)
 _LOAD: Final = re.compile(r"MOV([BWDR])")
 _EXAMPLE: Final = "an entry such as VW200 1234 or VD112 2.5"
+#: the heads of a status chart, and a row of it: number, address, format, current value; the new value is not the CPU's
+_CHART_HEADS: Final = re.compile(r"(?:#\s+)?(?:Address|Adresse|Operand)\s+Format\b.*", re.IGNORECASE)
+_CHART_ROW: Final = re.compile(
+    r"(?:\d+\s+)?(V[BWD]\s?\d{1,5})\s+(?:Floating Point|Gleitpunkt|(?:Un)?signed|(?:Mit|Ohne) Vorzeichen"
+    r"|Hexa\w+|Bin\w+)\s+(\S+)(?:\s+\S+)?", re.IGNORECASE | re.ASCII)
 
 
 class LoadedNumber(NamedTuple):
@@ -50,7 +55,7 @@ class DataBlockMemory:
     """V memory as the entries of a data block fill it.
 
     Args:
-        text: of the data block; an entry without an address goes on where the one before ended.
+        text: of the data block, or of a status chart; an entry without an address goes on where the one before ended.
         source: name for error messages.
 
     Raises:
@@ -64,8 +69,9 @@ class DataBlockMemory:
         size, place = "", 0
         for line, content in lines_of(text):
             entry = content.partition("//")[0].strip()
-            if not entry or _KEYWORD.fullmatch(entry):
+            if not entry or _KEYWORD.fullmatch(entry) or _CHART_HEADS.fullmatch(entry):
                 continue
+            entry = _CHART_ROW.sub(r"\1 \2", entry)
             match = _PLACE.fullmatch(entry)
             if match is not None:
                 size, place, entry = match[1].upper(), int(match[2]), match[3]
