@@ -211,7 +211,8 @@ def _demand_known_functions(plain: str, own: str, source: str) -> None:
 
 def _demand_degrees(reading: str, constants: Mapping[str, str], source: str) -> None:
     """Refuse a reading in counts of the converter, or in °F: the gains are then per count or °F."""
-    for value in (part for name in constants.get(reading, "").split(" and ") for part in constants.get(name, name).split(" and ")):
+    names = constants.get(reading, "").split(" and ")
+    for value in (part for name in names for part in constants.get(name, name).split(" and ")):
         if _COUNTS.fullmatch(value) or _FAHRENHEIT.search(value):
             unit, factor = ("counts", "the counts per °C") if _COUNTS.fullmatch(value) else ("°F", "1.8")
             raise InputError(f"{source}: {reading} = {value[:40]}: {unit}; expected a reading in °C: let the sketch "
