@@ -1,6 +1,6 @@
 """Hostile exports of one known heater, which no tool writes on purpose: is any read into another heater?
 
-    python -m tests.bench.hostile_exports [--only NAME] [--verbose] [--draw N] [--devices | --field | --terminals | --programs | --tools] [--sheet]
+    python -m tests.bench.hostile_exports [--only NAME] [--verbose] [--draw N] [--devices | --field | --terminals | --programs | --services | --tools] [--sheet]
 
 --devices: those of `hostile_devices` alone; --field: those of `field_exports`; --terminals: those of
 `terminal_exports`; --programs: those of `program_exports`; --tools: those of `tool_exports`, which
@@ -497,6 +497,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--field", action="store_true")
     parser.add_argument("--terminals", action="store_true")
     parser.add_argument("--programs", action="store_true")
+    parser.add_argument("--services", action="store_true")
     parser.add_argument("--tools", action="store_true")
     parser.add_argument("--sheet", action="store_true")
     asked = parser.parse_args(arguments)
@@ -504,7 +505,8 @@ def main(arguments: list[str] | None = None) -> int:
     counts: Counter[str] = Counter()
     with tempfile.TemporaryDirectory() as folder:
         module = "hostile_devices" if asked.devices else "field_exports" if asked.field else (
-            "terminal_exports" if asked.terminals else "program_exports" if asked.programs else "hostile_exports")
+            "terminal_exports" if asked.terminals else "program_exports" if asked.programs else
+            "service_exports" if asked.services else "hostile_exports")
         writers = importlib.import_module(f"tests.bench.{module}").WRITERS
         for export in tool_exports.exports(asked.only, None) if asked.tools else exports(asked.only, writers):
             outcome, said = outcome_on_sheet(export) if asked.sheet else outcome_of(export, Path(folder))

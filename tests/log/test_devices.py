@@ -5,7 +5,15 @@ import re
 
 import numpy as np
 import pytest
-from tests.bench import field_exports, hostile_devices, hostile_exports, program_exports, terminal_exports, tool_exports
+from tests.bench import (
+    field_exports,
+    hostile_devices,
+    hostile_exports,
+    program_exports,
+    service_exports,
+    terminal_exports,
+    tool_exports,
+)
 from tests.bench.messy import asked_for
 
 from heatertune.errors import LogError
@@ -51,7 +59,7 @@ def read(export):
     raise AssertionError(words)
 
 
-WRITERS = hostile_devices.WRITERS + field_exports.WRITERS + terminal_exports.WRITERS + program_exports.WRITERS
+WRITERS = [*hostile_devices.WRITERS, *field_exports.WRITERS, *terminal_exports.WRITERS, *program_exports.WRITERS, *service_exports.WRITERS]
 
 
 @pytest.mark.parametrize("export", [export for export in hostile_exports.exports(writers=WRITERS) if export.tool not in OTHERS],
@@ -81,7 +89,7 @@ def test_a_temperature_that_only_rises_is_not_taken_for_the_time(export):
     assert np.max(log.power_pct) > 50.0
 
 
-@pytest.mark.parametrize("export", list(hostile_exports.exports(writers=program_exports.WRITERS)), ids=lambda export: export.tool)
+@pytest.mark.parametrize("export", list(hostile_exports.exports(writers=program_exports.WRITERS + service_exports.WRITERS)), ids=lambda export: export.tool)
 def test_no_damage_to_an_export_of_a_program_ends_in_a_fault(export):
     for number in range(4):
         content, lines = tool_exports.damage(export.content, random.Random(f"program-{number}")), 1

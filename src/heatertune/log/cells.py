@@ -14,7 +14,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import combinations, pairwise, takewhile
+from itertools import combinations, pairwise
 from pathlib import Path
 from typing import Final
 
@@ -304,7 +304,7 @@ def read_sheet(path: Path, content: bytes | None = None, skip_rows: int = 0, tag
     if passed := passed + len(numbered) - len(kept):
         repairs.append(f"{count(passed, 'line')} without readings (blank, comment) skipped.")
     kept, cut = _with_closed_quotes(path, kept, repairs)
-    before = list(takewhile(lambda pair: pair[0] < kept.numbers[0], numbered))
+    comments = [pair for pair in numbered[:_MOST_TITLES] if pair[1].lstrip().startswith("#")]
     del numbered, data  # a long log is held as few times as can be
     separator = _separator(kept.texts[-_SAMPLE:])
     grid = _split(path, kept, separator)
@@ -314,7 +314,8 @@ def read_sheet(path: Path, content: bytes | None = None, skip_rows: int = 0, tag
         grid = _join_groups(grid, repairs)
         join_decimals(path, grid, decimal_comma, repairs)
     sheet = _sheet_of_grid(path, grid, np.array(kept.numbers), repairs, damaged + cut, skip_empty=skip_empty)
-    comment = () if sheet.header or not len(sheet) else _comment_above(before, separator, len(sheet.columns))
+    above = [text for line, text in comments if len(sheet) and line < sheet.lines[0]]
+    comment = () if sheet.header else _comment_above(above, separator, len(sheet.columns))
     return replace(sheet, comment=comment, pwm_period_s=period_s, recorded=recorded)
 
 
@@ -631,10 +632,10 @@ def _are_below(rows: Sequence[Sequence[str]], place: int, group: str) -> bool:
 _GROUPED: Final = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}(?:\.\d+)?( ?\D.*)?")
 
 
-def _comment_above(above: Sequence[tuple[int, str]], separator: str | None, width: int) -> tuple[str, ...]:
-    text = next((text.strip() for _, text in reversed(above) if text.strip()), "")
-    cells = [cell.strip(' "') for cell in text.lstrip("# ").split(separator and separator[-1])]
-    return tuple(cells) if text.startswith("#") and len(cells) == width and not any(map(is_number, cells)) else ()
+def _comment_above(comments: Sequence[str], separator: str | None, width: int) -> tuple[str, ...]:
+    text = comments[-1].strip("# \t") if comments else ""
+    cells = [cell.strip(' "') for cell in text.split(separator and separator[-1])]
+    return tuple(cells) if len(cells) == width and not any(map(is_number, cells)) else ()
 
 
 def plain_cells(sheet: Sheet, decimal_comma: str | None = None) -> Sheet:

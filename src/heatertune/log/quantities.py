@@ -51,7 +51,7 @@ _NAMES: Final[dict[str, re.Pattern[str]]] = {
         r"|teplot|lämpötil|s[ıi]cakl[ıi]k|температур|温度|現在値|測定値|온도|hőmérs|θερμοκρ|טמפרט|nhiệt độ|อุณหภูมิ)"
         r"|^T\d*$|^[tT]\d* ?[\[(/ ] ?[KCF]\b|\bT\d*$"),
     "power": re.compile(
-        r"(?i:power|duty|heat(er|ing)|pwm|output|\bc[vo]\d*\b|\bop\d*\b|^[uq]\d*($|[ \[(/])|leistung"
+        r"(?i:power|duty|dimmer|heat(er|ing)|pwm|output|\bc[vo]\d*\b|\bop\d*\b|^[uq]\d*($|[ \[(/])|leistung"
         r"|^p\d* ?[\[(/] ?k?w\b|stell|heiz|volt|watt|spannung|strom|\bcurrent|\bamp(s|ere)?\b"
         r"|^control( signal| value)?$|manipulat|ausgang|\bactive ?out|\belement ?\d*\b"
         r"|relais|relay|\bssr\b|^heat$|heat ?(pct|percent|%)"
@@ -67,7 +67,7 @@ _HEATED: Final = re.compile(
 
 #: used only if nothing else has the role: a room's temperature, a date next to the time of day, an electric current
 _SECOND_CHOICE: Final = re.compile(
-    r"(?i:ambient|room|\bext|outside|umgebung|raum|junction|board|cpu|^dat(e|um|a)$|^fecha$|^data\b(?!\.\w)|volt|watt|spannung|strom|\bcurrent"
+    r"(?i:ambient|room|\bext|outside|umgebung|raum|junction|board|cpu|^dat(e|um|a):?$|^fecha$|^data\b(?!\.\w)|volt|watt|spannung|strom|\bcurrent"
     r"|\bamp(s|ere)?\b|^control|last.?updated)")
 
 #: after a unit of time in full: no second one follows, as in "hours, minutes and seconds"

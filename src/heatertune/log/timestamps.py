@@ -99,7 +99,7 @@ def _moment(text: str) -> datetime | None:
     """
     if not text.isascii():
         text = _HALVES.sub(lambda match: "AM" if match[1] else "PM", text.translate(_CHARACTERS)).strip(": ")
-    text, zone = _without_zone(" ".join(text.split()))
+    text, zone = _without_zone(" ".join(text.replace(" @ ", " ").split()))  # as Kibana writes it
     text = _with_number_of_month(text)
     if match := _DIGITS.fullmatch(text):
         year, month, day, hour, minute, second, more = match.groups()

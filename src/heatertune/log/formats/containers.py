@@ -272,6 +272,8 @@ _NEARLY_ALL: Final = 0.9
 _NAME: Final = r"(?<![\w.])([^\W\d][\w.]*(?: [^\W\d][\w.]*)?)"
 _VALUE: Final = r"(-?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?)(?![\d:])"
 _UNIT: Final = r" ?(?:°?[CFK]|%|[mk]?[VAW]|m?s)"
+#: the time since a board was started, before a line of ESP-IDF's log [ms], or of a kernel's [s]
+_UPTIME: Final = re.compile(r"[EWIDV] \((\d+)\) |\[ *(\d+\.\d+)\] ")
 #: temp:20.4, output = 51 %, T1: 20.4C, and, with its unit, temperature 20.4 °C
 _PAIR: Final = re.compile(rf"{_NAME}(?: ?[:=] ?{_VALUE}({_UNIT})?(?!\w)| {_VALUE}({_UNIT})(?!\w))")
 
@@ -300,9 +302,12 @@ def _named(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
         pairs = _pairs(line)
         if tuple(name for name, _, _ in pairs) == names:
             units |= {name: unit for name, _, unit in pairs if unit}
-            rows.append((number, [line_stamp(line), *(value for _, value, _ in pairs)]))
+            uptime = _UPTIME.match(line)
+            units |= {"time": "ms" if uptime[1] else "s"} if uptime is not None else {}
+            rows.append((number, [(uptime[1] or uptime[2]) if uptime is not None else line_stamp(line),
+                                  *(value for _, value, _ in pairs)]))
     begin = 0 if all(cells[0] for _, cells in rows) else 1
-    header = ["time", *(f"{name} [{units[name]}]" if name in units else name for name in names)]
+    header = [f"{name} [{units[name]}]" if name in units else name for name in ("time", *names)]
     return FormatTable.from_rows(header[begin:], [(number, cells[begin:]) for number, cells in rows],
                                  f"Lines of names and values: {count(len(rows), 'line')} read, "
                                  f"{len(numbered) - len(rows)} others passed over.")

@@ -11,13 +11,13 @@ from array import array
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from heatertune.errors import LogError
 from heatertune.log.formats.format_table import FormatTable, Line, TextFormat, line_stamp, matching
-from heatertune.log.quantities import role_of
+from heatertune.log.quantities import is_number, role_of
 from heatertune.log.sheet import Grid, drain
 from heatertune.units import count
 
@@ -410,17 +410,16 @@ def _varies(records: Sequence[Mapping[str, str]], name: str) -> bool:
 
 
 #: {"time_s": [0, 2, …], "temp": [20.1, …]}
-_OF_LISTS: Final = re.compile(r'\s*\{\s*(?:"\w+"\s*:\s*\{\s*)?"[^"]+"\s*:\s*\[\s*(?:[-"\d]|null|true|false)')
+_OF_LISTS: Final = re.compile(r'\s*\{\s*(?:"\w+"\s*:\s*\{\s*){0,3}"[^"]+"\s*:\s*\[\s*(?:[-"\d]|null|true|false)')
 
 
 def _json_columns(path: Path, numbered: Sequence[Line], _: str | None) -> FormatTable:
-    """Return the lists of one length in an object, or in the first object within it, as columns."""
+    """Return the lists of one length in an object, or in the first objects within it, as columns."""
     try:
         value = json.loads("\n".join(line for _, line in numbered))
     except (ValueError, RecursionError) as problem:
         raise LogError("JSON that cannot be read", file=path, expected="a whole file of JSON") from problem
-    inner = [part for part in value.values() if isinstance(part, dict)]
-    columns = {name: part for name, part in {**value, **(inner or [{}])[0]}.items() if isinstance(part, list)}
+    columns = dict(_lists_within(value))
     length = max(map(len, columns.values()), default=0)
     columns = {name: part for name, part in columns.items() if len(part) == length}
     rows = [[_JSON_WORDS.get(str(cell), str(cell)) for cell in row] for row in zip(*columns.values(), strict=True)]
@@ -429,13 +428,19 @@ def _json_columns(path: Path, numbered: Sequence[Line], _: str | None) -> Format
     return FormatTable(tuple(columns), rows, list(range(1, len(rows) + 1)), [f"JSON: {count(len(rows), 'row')} read."])
 
 
+def _lists_within(value: Mapping[str, Any]) -> Iterator[tuple[str, list[Any]]]:
+    yield from ((name, part) for name, part in value.items() if isinstance(part, list))
+    for inner in [part for part in value.values() if isinstance(part, dict)][:1]:
+        yield from _lists_within(inner)
+
+
 def _has_lists(lines: Sequence[Line]) -> bool:
     return bool(lines) and _OF_LISTS.match("\n".join(line[:200] for _, line in lines[:5])) is not None
 
 
 def _starts_as_json(lines: Sequence[Line]) -> bool:
     first = _TOPIC.sub("", lines[0][1]) if lines else ""
-    return re.match(r"[\s\[]*(\{|$)", first) is not None and any(
+    return re.match(r"(?:\w+\s*=)?[\s\[]*(\{|$)", first) is not None and any(
         re.search(r"[\"']\s*:", line) for _, line in lines[:50])
 
 
@@ -470,28 +475,92 @@ def _is_profile(lines: Sequence[Line]) -> bool:
     return bool(lines) and _ALOG.match("\n".join(line for _, line in lines[:2000])) is not None
 
 
-def _is_query(lines: Sequence[Line]) -> bool:
-    return bool(lines) and lines[0][1].lstrip().startswith("{") and any(
-        '"matrix"' in line[:_HEAD] and '"resultType"' in line[:_HEAD] for _, line in lines[:5])
-
-
 _HEAD: Final = 1000
+#: {"name": "Oven_Temperature", "data": [{"time": …, "metric": {"job": …}, "values": [[…, "Timestamps": ["2026-…
+_OF_POINTS: Final = re.compile(r'"\w+"\s*:\s*\[\s*(?:\[|\{\s*"\w+"\s*:|"\d)')
+_Point = tuple[str, str]
 
 
-def _series(path: Path, numbered: Sequence[Line], _: str | None) -> FormatTable:
-    """Return the series of a range query to Prometheus as a long table, named by the labels that they do not share."""
+class _NamedSeries(NamedTuple):
+    labels: _Record
+    points: list[_Point]
+
+
+def _is_series(lines: Sequence[Line]) -> bool:
+    if not lines or lines[0][1].lstrip()[:1] not in ("{", "[") or _OF_POINTS.search(
+            "\n".join(line[:_HEAD] for _, line in lines[:20])) is None:
+        return False
     try:
-        series = json.loads("\n".join(line for _, line in numbered))["data"]["result"]
-        metrics = [set(each["metric"].items()) for each in series]
-        shared = set.intersection(*metrics)
-        rows = [[str(second), " ".join(sorted(value for _, value in metric - shared)), str(value)]
-                for metric, each in zip(metrics, series, strict=True) for second, value in each["values"]]
-    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as problem:
-        raise LogError("a query's result that cannot be read", file=path,
-                       expected="the whole answer to a range query") from problem
-    rows.sort(key=lambda row: float(row[0]))
-    return FormatTable(_LONG, rows, list(range(1, len(rows) + 1)), [
-        f"Range query of Prometheus: {len(series)} series read."])
+        return len(_series_in(json.loads("\n".join(line for _, line in lines)))) > 0
+    except (ValueError, RecursionError):
+        return False
+
+
+def _series_in(value: object) -> list[_NamedSeries]:
+    """Return the first list of series within a value: several, or one of Prometheus, which has a metric."""
+    if isinstance(value, list):
+        series = [_NamedSeries(part, _points(part)) for part in value if isinstance(part, dict)]
+        if len(series) == len(value) and _are_series(series):
+            return series
+    inner = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    return next(filter(None, map(_series_in, inner)), [])
+
+
+def _are_series(series: Sequence[_NamedSeries]) -> bool:
+    several = len(series) > 1 or any("metric" in each.labels for each in series)
+    return several and all(each.points for each in series)
+
+
+def _points(record: _Record) -> list[_Point]:
+    """Return time and value of the points in a record of a series, empty if it is none."""
+    lists = {name: part for name, part in record.items() if isinstance(part, list) and part}
+    clock = next((name for name in lists if role_of(name) == "time"), None)
+    if clock is not None and len(lists) == _TITLES:  # a list of times beside one of values
+        return [(str(at), str(value)) for at, value in zip(lists.pop(clock), *lists.values(), strict=False)]
+    return _points_of_rows(next(iter(lists.values()))) if len(lists) == 1 else []
+
+
+def _points_of_rows(rows: Sequence[Any]) -> list[_Point]:
+    if any(not isinstance(row, list | dict) or len(row) != _TITLES for row in rows):
+        return []
+    place = _place_of_time(rows[0])
+    pairs = [(*map(str, row.values() if isinstance(row, dict) else row),) for row in rows]
+    return [] if place is None else [(pair[place], pair[1 - place]) for pair in pairs]
+
+
+def _place_of_time(pair: Mapping[str, object] | Sequence[object]) -> int | None:
+    """Return whether the time is the first or the second of a pair, None if neither is named so."""
+    if isinstance(pair, Mapping):
+        roles = [*map(role_of, pair)]
+        return roles.index("time") if "time" in roles else None
+    first = str(pair[0])  # a time since 1970, or one in words; other pairs have the value first
+    return int(is_number(first) and float(first) < _LEAST_EPOCH)
+
+
+_LEAST_EPOCH: Final = 1e8
+
+
+def _series(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
+    """Return the series of a query or of several items as a long table, named by the labels that they do not share."""
+    found = _series_in(json.loads("\n".join(line for _, line in numbered)))
+    labels = [dict(_flat(each.labels)) for each in found]
+    shared = set.intersection(*(set(each.items()) for each in labels))
+    rows = [[at, " ".join(sorted({value for name, value in each.items() if (name, value) not in shared})), value]
+            for each, series in zip(labels, found, strict=True) for at, value in series.points]
+    rows.sort(key=lambda row: (float(row[0]), "") if is_number(row[0]) else (0.0, row[0]))
+    return FormatTable(_LONG, rows, list(range(1, len(rows) + 1)), [f"JSON: {len(found)} series read."])
+
+
+#: 2026-03-14 09:58:00.123 [INFO ] [openhab.event.ItemStateChangedEvent   ] - Item 'Oven' changed from 20.3 to 20.4 °C
+_OPENHAB: Final = re.compile(r"\bItem '([^']+)' (?:changed from .* to|updated to|received update) (.+?)\s*$")
+
+
+def _openhab(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
+    """Return the states of items as a long table."""
+    rows = [(number, [line_stamp(line), found[1], found[2]])
+            for number, line in numbered if (found := _OPENHAB.search(line)) is not None]
+    return FormatTable.from_rows(_LONG, rows, f"Events of openHAB: {count(len(rows), 'state')} read, "
+                                 f"{len(numbered) - len(rows)} other lines passed over.")
 
 
 _INSERT: Final = re.compile(r"INSERT INTO [\"`]?(\w+)[\"`]?(?: ?\(([^)]*)\))? VALUES ?\((.*)\);?$")
@@ -515,8 +584,31 @@ def _sql(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
                                  f"Dump of a database: {count(len(kept), 'row')} of the table {table!r} read.")
 
 
+#: (0.0, 20.3, 60) or [0.0, 20.3, 60], in a line of its own
+_ROW: Final = re.compile(r"[(\[]([^()\[\]{}]*,[^()\[\]{}]*)[)\]],?\s*")
+
+
+def _bracketed(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
+    """Return the rows in brackets, as Python prints them or as JSON has them, with or without names in the first."""
+    found = [(number, [row[1]]) for number, line in numbered if (row := _ROW.fullmatch(line.strip())) is not None]
+    if not found:  # JSON that breaks no lines, or breaks rows
+        found = [*enumerate(([row] for row in _ROW.findall("\n".join(line for _, line in numbered))), start=1)]
+    rows = [(number, [cell.strip(" '\"\n") for cell in row[0].split(",")]) for number, row in found]
+    return FormatTable.from_rows((), rows, f"Rows in brackets: {count(len(rows), 'row')} read.")
+
+
+def _is_bracketed(lines: Sequence[Line]) -> bool:
+    sample = [line.strip() for _, line in lines[-_SAMPLE:]]
+    return re.match(r"\[\s*\[", "\n".join(line[:_HEAD] for _, line in lines[:5])) is not None or (
+        sum(_ROW.fullmatch(line) is not None for line in sample) > _NEARLY_ALL * len(sample) > 0)
+
+
+_NEARLY_ALL: Final = 0.9
+
+
 DEVICE_LOGS: Final = (
-    TextFormat("range query of Prometheus", _is_query, _series),
+    TextFormat("series in JSON", _is_series, _series),
+    TextFormat("events of openHAB", matching(_OPENHAB), _openhab),
     TextFormat("dump of SQLite", matching(_INSERT), _sql),
     TextFormat("log of kiln-controller", matching(_KILN), _kiln),
     TextFormat("log of ESPHome", matching(_ESPHOME), _esphome),
@@ -526,4 +618,5 @@ DEVICE_LOGS: Final = (
     TextFormat("JSON of pandas", _is_indexed, _pandas),
     TextFormat("JSON of columns", _has_lists, _json_columns),
     TextFormat("JSON in lines", lambda lines: _starts_as_json(lines) and _are_records(lines), _json_lines),
-    TextFormat("JSON", _starts_as_json, _json))
+    TextFormat("JSON", _starts_as_json, _json),
+    TextFormat("rows in brackets", _is_bracketed, _bracketed))
