@@ -428,7 +428,7 @@ def _json_columns(path: Path, numbered: Sequence[Line], _: str | None) -> Format
     return FormatTable(tuple(columns), rows, list(range(1, len(rows) + 1)), [f"JSON: {count(len(rows), 'row')} read."])
 
 
-def _lists_within(value: Mapping[str, Any]) -> Iterator[tuple[str, list[Any]]]:
+def _lists_within(value: _Record) -> Iterator[tuple[str, list[Any]]]:
     yield from ((name, part) for name, part in value.items() if isinstance(part, list))
     for inner in [part for part in value.values() if isinstance(part, dict)][:1]:
         yield from _lists_within(inner)
