@@ -28,9 +28,9 @@ from heatertune.model.reduction import FIELDS, middle_degC, mirror_heater, mirro
 from heatertune.model.relay_test import with_relay
 from heatertune.model.statistics import autocorrelation, envelope, holds, identified_interval, undisturbed_part
 from heatertune.model.temperature.closed_loop import Bounds, ControllerLaw
-from heatertune.model.temperature.evidence import Thermostat, is_faster_than_rows
+from heatertune.model.temperature.evidence import AS_WELL, Thermostat, is_faster_than_rows
 from heatertune.model.temperature.fit_temperature import fit_temperature, room_bounds
-from heatertune.model.temperature.two_level import fit_logged_switchings, fit_two_level
+from heatertune.model.temperature.two_level import fit_logged_switchings, fit_manual_switching, fit_two_level
 from heatertune.model.temperature.two_level_result import two_level_model
 from heatertune.options import merge_options
 from heatertune.settings import FitSettings
@@ -137,8 +137,21 @@ def _fit_unlogged(
     best, readings = fitted.hypotheses[0], len(fitted.residuals.time_s) if fitted.residuals else len(used.time_s)
     if switched is None or not switched.explains or not switched.shows_levels or not switched.is_better(
             best.rmse_degC, readings):
-        return _with_faster_swing(fitted, used), notes
+        return _switched_manually(_with_faster_swing(fitted, used), whole, bounds, settings.largest_power_pct), notes
     return two_level_model(switched, bounds, fitted.hypotheses), ()
+
+
+def _switched_manually(fitted: FittedModel, log: Log, bounds: Bounds | None, largest_power_pct: float | None
+                       ) -> FittedModel:
+    """Return the fit of constant power that was switched manually, where no controller made the log and it explains it.
+    """
+    if all(finding.name != "not-regulated" for finding in fitted.findings):
+        return fitted
+    manual = fit_manual_switching(log, ambient_degC=bounds, largest_power_pct=largest_power_pct)
+    if manual is None or not (manual.explains and manual.has_many_rows):
+        return fitted
+    as_well = manual.rmse_degC <= AS_WELL * fitted.hypotheses[0].rmse_degC
+    return two_level_model(manual, bounds, fitted.hypotheses) if as_well else fitted
 
 
 def _with_faster_swing(fitted: FittedModel, log: Log) -> FittedModel:

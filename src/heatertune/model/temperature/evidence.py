@@ -32,12 +32,12 @@ from heatertune.model.diagnostics import Remark
 from heatertune.model.model_values import HeaterModel
 from heatertune.model.power.open_loop import PowerProblem
 from heatertune.model.power.regressors import Readings
-from heatertune.model.statistics import SWITCHED_OFF, Interval, hull
+from heatertune.model.statistics import SWITCHED_OFF, Interval, autocorrelation, hull
 from heatertune.model.temperature.closed_loop import Bounds
 
 __all__ = [
-    "Bound", "ConstantPowerStretch", "Thermostat", "Thresholds", "bound_contradictions", "contradictions",
-    "evidence_notes", "fall_bound", "free_cooling", "is_faster_than_rows", "is_open_loop", "noise_degC",
+    "AS_WELL", "Bound", "ConstantPowerStretch", "Thermostat", "Thresholds", "bound_contradictions", "contradictions",
+    "end_of_rest", "evidence_notes", "fall_bound", "free_cooling", "is_faster_than_rows", "is_open_loop", "noise_degC",
     "quiet_noise_degC", "reading_margin_degC", "regulation_remarks", "rise_bound", "saturated_heat_up",
     "steady_swing", "switching_guess", "threshold_between",
 ]
@@ -291,13 +291,16 @@ _DEEP: Final = 0.6  # of the span: no overshoot of a usable loop is followed by 
 _HELD_BAND: Final = 0.03  # of the span: the readings of a hold lie within
 _HELD_LEVEL: Final = 0.4  # of the span: a hold lies above
 _HELD_SHARE: Final = 0.2  # of the log's length: a hold lasts as long at least
-_AS_WELL: Final = 1.15  # times the error of the controller that explains the log best
+AS_WELL: Final = 1.15  # times the error of the controller that explains the log best
 _INSTANTS: Final = 14  # tried for the end of the power
 _MOST_READINGS: Final = 20_000  # in which a swing is sought
 _READINGS: Final = 200  # of a log that constant power is fitted to
 _FEWEST_MEANS: Final = 100  # of a log that is smoothed to find its switchings
 _TURNS_OFTEN: Final = 0.4  # share of the rows at which the temperature turns
 _STEPS_AT_ONCE: Final = 4.0  # steps of the reading from row to row
+_SWING_ROWS: Final = 10  # within which a swing of a few rows comes again
+_RELATED: Final = 0.25  # correlation that no noise has, of many readings
+_DEVIATIONS: Final = 4.2  # the same, times the root of their number: 3 standard deviations by Bartlett
 _FEWER_MOVES: Final = (3.0, 1.5)  # the same, if that finds none
 _FLAT: Final = 2.0  # standard deviations about a turning point that are one with it
 _RISEN: Final = 0.02  # of the span, above the first reading: a heater that was off at first is on
@@ -385,13 +388,19 @@ def _swing_of(log: Log, size: int) -> OscillationStats | None:
 
 
 def is_faster_than_rows(log: Log) -> bool:
-    """Return whether the temperature goes up and down from row to row by far more than a step of its reading."""
+    """Return whether the temperature goes up and down from row to row by far more than a step of its reading.
+
+    White noise does so, too. But its second differences are not correlated beyond two rows; those of a swing are.
+    """
     late = log.temperature_degC[len(log.temperature_degC) // 2 :]
     moves = np.diff(late)
     moves = moves[moves != 0.0]
     turns = float(np.mean(moves[1:] * moves[:-1] < 0.0)) if len(moves) > _TURNS else 0.0
     step = float(np.min(np.diff(np.unique(log.temperature_degC))))
-    return turns > _TURNS_OFTEN and quiet_noise_degC(log) > _STEPS_AT_ONCE * step
+    if turns <= _TURNS_OFTEN or quiet_noise_degC(log) <= _STEPS_AT_ONCE * step:
+        return False
+    beyond = autocorrelation(np.diff(late, 2), _SWING_ROWS)[2:]
+    return bool(np.abs(beyond).max() > max(_RELATED, _DEVIATIONS / math.sqrt(len(late))))
 
 
 class SwitchingGuess(NamedTuple):
@@ -442,12 +451,19 @@ def switching_guess(log: Log, *, is_stated: bool) -> SwitchingGuess:
         middle = int(flat[-1]) if number == 0 and not is_high else int(np.median(flat))
         instants.append(float(time[middle]))
         rows.append(min(place * chosen + chosen // 2, len(log.time_s) - 1))
-    rest = int(np.flatnonzero(log.temperature_degC <= log.temperature_degC[0] + _RISEN * np.ptp(y))[-1])
-    if is_stated and is_on and _RESTS <= rest < rows[0]:
+    rest = end_of_rest(log)
+    if is_stated and is_on and rest is not None and rest < rows[0]:
         is_on, instants, rows = False, [float(log.time_s[rest]), *instants], [rest, *rows]
     kept = [i for i, instant in enumerate(instants) if i == 0 or instant > instants[i - 1]]
     return SwitchingGuess(np.array(instants)[kept], tuple(rows), is_on) if len(kept) == len(instants) else (
         SwitchingGuess(time[inner], tuple(rows), is_on))
+
+
+def end_of_rest(log: Log) -> int | None:
+    """Return the last row that is no warmer than the first one, None where the heater does not rest at first."""
+    y = log.temperature_degC
+    rest = int(np.flatnonzero(y <= y[0] + _RISEN * np.ptp(y))[-1])
+    return rest if rest >= _RESTS else None
 
 
 def is_open_loop(log: Log, rmse_degC: float) -> bool:
@@ -468,7 +484,7 @@ def is_open_loop(log: Log, rmse_degC: float) -> bool:
         return True
     if len(moves) <= 1 and not _is_held(time, y, max(_HELD_BAND * span, least)):
         return True
-    return _constant_power_rmse(log) <= _AS_WELL * rmse_degC
+    return _constant_power_rmse(log) <= AS_WELL * rmse_degC
 
 
 def _scatter(values: Array) -> float:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -27,7 +27,7 @@ from heatertune.model.statistics import (
     autocorrelation,
     student_t,
 )
-from heatertune.model.temperature.evidence import Thermostat, quiet_noise_degC, switching_guess
+from heatertune.model.temperature.evidence import Thermostat, end_of_rest, quiet_noise_degC, switching_guess
 
 __all__ = ["LONGEST", "SwitchingSolution", "TwoLevelFit", "change_s", "fit_logged_switchings", "fit_two_level"]
 
@@ -36,6 +36,7 @@ _MOST_READINGS: Final = 800
 _MOST_SWITCHINGS: Final = 60
 _ROWS: Final = 3.5  # fewest to a switching
 _FEWEST: Final = 5  # switchings, if the thresholds are not stated
+_ONCE: Final = 2  # switchings of a log that was switched on and off once, which tell nothing of the time constant
 _STARTS: Final = 6  # time constants that descents start from
 _RATIOS: Final = (0.05, 0.25, 0.6)
 _PLACES: Final = 4  # stretches in which a change of full power is tried
@@ -146,6 +147,8 @@ class TwoLevelFit:
         noise_degC: of the readings [°C].
         thermostat: as stated, or None.
         switched_rows: the first row of each logged power, None if the power was not logged.
+        is_manual: whether it was switched manually, at temperatures that mean nothing.
+        is_power_stated: whether the largest power is stated.
     """
 
     log: Log
@@ -157,6 +160,8 @@ class TwoLevelFit:
     noise_degC: float
     thermostat: Thermostat | None
     switched_rows: Rows | None
+    is_manual: bool = False
+    is_power_stated: bool = False
 
     @property
     def rmse_degC(self) -> float:
@@ -250,6 +255,24 @@ def fit_two_level(log: Log, *, ambient_degC: tuple[float, float] | None, thermos
         return None
     return _fit(log, guess.instants, guess.is_on, ambient_degC, thermostat=thermostat,
                 levels=(0.0, largest_power_pct or 100.0))
+
+
+def fit_manual_switching(log: Log, *, ambient_degC: tuple[float, float] | None, largest_power_pct: float | None = None,
+                         ) -> TwoLevelFit | None:
+    """Fit heater and instants to a log in which a constant power was switched on or off, without a controller.
+
+    A turn shows where the power was switched, and the end of a rest at the beginning. With none of them the power is
+    taken to be on from the first reading on.
+    """
+    guess = switching_guess(log, is_stated=True)
+    instants, is_on = guess.instants, guess.is_on
+    if len(instants) > _FEWEST:  # those are turns of the noise
+        y, rest = log.temperature_degC, end_of_rest(log)
+        instants, is_on = (np.empty(0) if rest is None else log.time_s[rest:rest + 1]), rest is None
+        if y[-1] < y[0]:
+            return None
+    fitted = _fit(log, instants, is_on, ambient_degC, levels=(0.0, largest_power_pct or 100.0))
+    return None if fitted is None else replace(fitted, is_manual=True, is_power_stated=largest_power_pct is not None)
 
 
 def fit_logged_switchings(log: Log, dead_time_s: float, *, ambient_degC: tuple[float, float] | None
@@ -441,7 +464,7 @@ def _slope(now: SwitchingSolution, by_lag: float, by_ratio: float) -> Array:
 def _solved(problem: _SwitchingProblem, instants: Array) -> list[SwitchingSolution]:
     """Return the fits of one lag and of two that heat, the best by BIC first; a change of the mains is tried."""
     length = float(np.ptp(problem.time_s))
-    period = 2.0 * float(np.median(np.diff(instants))) if len(instants) > 1 else 0.2 * length
+    period = 2.0 * float(np.median(np.diff(instants))) if len(instants) > _ONCE else 0.2 * length
     lags = np.geomspace(0.2 * period, max(1.5 * length, 2.0 * period), _STARTS)
     found = list[SwitchingSolution]()
     for ratios in ((0.0,), _RATIOS):

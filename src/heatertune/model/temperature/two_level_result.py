@@ -26,6 +26,7 @@ _DELAYS: Final = 41  # dead times at which the thresholds are sought
 _POOR: Final = 60.0
 _FALLS_WITH_GAIN: Final = ("ambient_degC", "ultimate_gain_pct_per_degC")
 _LAW: Final = "two-level control"
+_MANUAL: Final = "constant power, switched manually"
 _LOGGED: Final = "power logged, switched between its rows"
 
 
@@ -38,12 +39,15 @@ def _dead_times(solution: SwitchingSolution, fit: TwoLevelFit) -> _DeadTimes:
     """Return the shortest and the longest dead time that the thresholds, or their order, allow [s]."""
     instants, problem = solution.instants, solution.problem
     offs = instants[0 if problem.is_on else 1 :: 2]
+    if fit.switched_rows is not None:
+        return _by_rows(solution, fit)
+    if fit.is_manual:  # switched on within the log, or no later than one time constant before the temperature shows it
+        is_on = problem.is_on or not len(instants)
+        return _DeadTimes(0.0, math.exp(solution.lag) if is_on else float(instants[0] - problem.time_s[0]))
     stretches = np.diff(instants)
     longest = float(np.median(stretches)) if len(stretches) else float(instants[0] - problem.time_s[0])
     row = float(np.median(np.diff(fit.log.time_s)))
     most = _longest_dead_time(solution, longest)
-    if fit.switched_rows is not None:
-        return _by_rows(solution, fit)
     if fit.thermostat is None:
         return _DeadTimes(0.0, most + row)
     return _by_thresholds(solution, fit, offs, most + row)
@@ -54,6 +58,8 @@ def _thresholds(fit: TwoLevelFit) -> Thresholds | None:
 
     The first switching on is from cold; the instants of the others are those at which the temperature turns.
     """
+    if fit.is_manual:
+        return None
     best = fit.best[0]
     begin, row = float(best.problem.time_s[0]), float(np.median(np.diff(fit.log.time_s)))
     first = 0 if best.problem.is_on else 1
@@ -179,7 +185,8 @@ def two_level_model(fit: TwoLevelFit, ambient_degC: tuple[float, float] | None, 
     rmse = float(np.sqrt(np.mean((log.temperature_degC - simulated) ** 2)))
     window = float(log.time_s[0]), float(log.time_s[-1])
     candidates = [Candidate(
-        model=model, log=log.name, window_s=window, law=_LAW if fit.switched_rows is None else _LOGGED,
+        model=model, log=log.name, window_s=window,
+        law=_MANUAL if fit.is_manual else _LAW if fit.switched_rows is None else _LOGGED,
         controller=_controller(thresholds, fit), fit_pct=share, rmse_degC=rmse, delta_bic=solution.bic - best.bic,
         part=part) for model, solution, part in _ends(family, plant, best)]
     notes = list(_notes(fit, dead, thresholds))
@@ -202,6 +209,9 @@ def _remarks(fit: TwoLevelFit, note: str, thresholds: Thresholds | None, is_assu
     if fit.switched_rows is not None:
         return
     yield Remark("no-power", note)
+    if fit.is_manual:
+        yield Remark("not-regulated", f"{note} No controller holds its temperature. {_FEW_FACTS}")
+        return
     if fit.thermostat is not None:
         yield Remark("thermostat", f"{note} Full power and none are those of the stated thermostat, "
                                    f"{fit.thermostat.low_degC:g} and {fit.thermostat.high_degC:g} °C.")
@@ -213,8 +223,17 @@ def _remarks(fit: TwoLevelFit, note: str, thresholds: Thresholds | None, is_assu
     yield Remark("two-level", f"{note}{where} That it is full power is assumed; --thermostat LOW HIGH states it.")
 
 
+#: what is missing of a log without power that no controller made
+_FEW_FACTS: Final = (
+    "A column with the power (in % while the heater was on, else 0) gives gain and dead time; or --largest-power, and "
+    "--thermostat with the temperatures of the room and of the switching off.")
+
+
 def _is_assumed(fit: TwoLevelFit, ambient_degC: tuple[float, float] | None) -> bool:
-    """Return whether neither the log nor a statement shows that the lower level is no power."""
+    """Return whether neither the log nor a statement shows that the lower level is no power, and full power the other.
+    """
+    if fit.is_manual:
+        return not fit.is_power_stated
     return (fit.thermostat is None and fit.switched_rows is None and ambient_degC is None) and not fit.shows_ambient
 
 
@@ -269,6 +288,13 @@ def _notes(fit: TwoLevelFit, dead: _DeadTimes, thresholds: Thresholds | None) ->
         yield (f"{log.name}: the power switches between two rows ({row:.3g} s), and the temperature shows when: the "
                f"instants of {count} switchings were fitted together with the heater.")
         yield from _mains_notes(best)
+        return
+    if fit.is_manual:
+        when = ", ".join(f"{instant:.4g} s" for instant in best.instants) or "never"
+        is_on = "on" if best.problem.is_on else "off"
+        yield (f"The power was not logged; {log.name} was fitted as constant power that is {is_on} at first and was "
+               f"switched at {when}, dead time included. The log shows gain times power, not each of them.")
+        yield (f"It does not show the dead time, which may be {dead.low:.3g} to {dead.high:.3g} s. {_FEW_FACTS}")
         return
     yield (f"The power was not logged; {log.name} is two-level control: {count} switchings between full power and none "
            "were fitted together with the heater.")

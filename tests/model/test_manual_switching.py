@@ -1,0 +1,68 @@
+"""Logs without power of heaters that were switched manually; made by SciPy's lsim, which shares nothing with the fit."""
+
+import numpy as np
+import pytest
+from scipy.signal import lsim
+
+from heatertune.chain.stages import fit
+from heatertune.log.log_values import Log
+from heatertune.model.model_values import FitOutcome
+from heatertune.model.temperature.evidence import is_faster_than_rows
+
+ROOM, GAIN, LAG, DEAD = 22.0, 1.2, 500.0, 20.0
+NOISE = 0.1  # ten steps of the reading
+
+
+def _log(plan, *, second=0.0, until=9000.0, begin=0.0, every=20.0):
+    time = np.arange(0.0, until, 1.0)
+    power = np.array([next(level for at, level in reversed(plan) if at <= t - DEAD) if t >= DEAD else 0.0 for t in time])
+    rise = lsim(([GAIN], np.polymul([LAG, 1.0], [second, 1.0]) if second else [LAG, 1.0]), power, time)[1]
+    kept = (time >= begin) & (time % every == 0.0)
+    noise = np.random.default_rng(5).normal(0.0, NOISE, int(kept.sum()))
+    return Log(name="manual", source="", time_s=time[kept], temperature_degC=np.round(ROOM + rise[kept] + noise, 2))
+
+
+UP_DOWN = ((0.0, 0.0), (300.0, 60.0), (4500.0, 0.0))
+LOGS = {
+    "on and off": (_log(UP_DOWN), 60.0), "on and off, two lags": (_log(UP_DOWN, second=90.0), 60.0),
+    "on from the first reading": (_log(((0.0, 60.0),), until=4000.0), 60.0),
+    "switched off while it is hot": (_log(((0.0, 80.0), (3600.0, 0.0)), begin=3400.0), 80.0),
+}
+
+
+@pytest.mark.parametrize("name", [
+    "on and off", pytest.param("on and off, two lags", marks=pytest.mark.long), pytest.param("on from the first reading", marks=pytest.mark.long),
+    pytest.param("switched off while it is hot", marks=pytest.mark.long)])
+def test_time_constant_and_gain_times_power_are_found_and_nothing_else(name):
+    log, power = LOGS[name]
+    fitted = fit(log)
+    lags = LAG + 0.5 * 90.0 if "two" in name else LAG  # by the half rule, see Skogestad (2003)
+    assert {"no-power", "not-regulated"} <= {each.name for each in fitted.findings}
+    assert fitted.outcome is FitOutcome.COMBINATIONS_ONLY
+    assert fitted.model.time_constant_s == pytest.approx(lags, rel=0.02)
+    assert 100.0 * fitted.model.gain_degC_per_pct == pytest.approx(GAIN * power, rel=0.02)
+    assert fitted.ci95["gain_degC_per_pct"] is None
+    dead = [each.model.dead_time_s for each in fitted.candidates]
+    assert min(dead) == 0.0
+    assert max(dead) >= DEAD - 20.0  # a row
+
+
+@pytest.mark.long
+def test_a_stated_power_gives_the_gain():
+    log, power = LOGS["on and off"]
+    fitted = fit(log, largest_power_pct=power)
+    inside = fitted.ci95["gain_degC_per_pct"]
+    assert inside is not None
+    assert inside.low - 0.005 <= GAIN <= inside.high + 0.005
+    assert "not-regulated" in {each.name for each in fitted.findings}
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_noise_of_a_fine_sensor_is_no_swing_of_a_few_rows(seed):
+    chance, time = np.random.default_rng(seed), np.arange(0.0, 4000.0, 10.0)
+    slow = 60.0 - 30.0 * np.exp(-time / 700.0)
+    def log(readings):
+        return Log(name="late", source="", time_s=time, temperature_degC=np.round(readings, 2))
+    assert not is_faster_than_rows(log(slow + chance.normal(0.0, 0.1, len(time))))
+    for period in (2.1, 2.5, 3.3, 4.7):  # rows
+        assert is_faster_than_rows(log(slow + np.sin(2.0 * np.pi * np.arange(len(time)) / period) + chance.normal(0.0, 0.05, len(time))))
