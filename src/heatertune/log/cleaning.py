@@ -106,10 +106,10 @@ _LARGEST_STEP: Final = 0.05  # of the range
 
 def _zigzags(sheet: Sheet, columns: Columns, later: Rows) -> bool:
     """Return whether the rows of one instant are of several sensors: their readings differ as much as the log's."""
-    known = sheet.columns[columns.index["temperature"]].numbers(
+    temperatures = sheet.columns[columns.index["temperature"]].numbers(
         lambda cell: float(cell) if is_number(cell) and "," not in cell else np.nan)
-    steps = np.abs(known[later] - known[later - 1])
-    return bool(np.nanmedian(steps) > _LARGEST_STEP * (np.nanmax(known) - np.nanmin(known)))
+    steps = np.abs(temperatures[later] - temperatures[later - 1])
+    return bool(np.nanmedian(steps) > _LARGEST_STEP * (np.nanmax(temperatures) - np.nanmin(temperatures)))
 
 
 def _is_even(counts: npt.NDArray[np.intp], lengths: Array) -> bool:
@@ -413,12 +413,12 @@ def _is_open(raw: Array) -> Mask:
     A heater that passes such a value comes from one side and goes on to the other, in steps as the log has them.
     """
     there = np.isin(raw, _OPEN)
-    known = np.flatnonzero(~there & ~np.isnan(raw))
-    steps = np.abs(np.diff(raw[known]))
+    finite_rows = np.flatnonzero(~there & ~np.isnan(raw))
+    steps = np.abs(np.diff(raw[finite_rows]))
     usual = 3.0 * float(np.percentile(steps[steps > 0.0], 95.0)) if np.any(steps) else 0.0
-    for place in np.flatnonzero(there) if len(known) else []:
-        after = int(np.searchsorted(known, place))
-        ends = raw[known[[max(after - 1, 0), min(after, len(known) - 1)]]]
+    for place in np.flatnonzero(there) if len(finite_rows) else []:
+        after = int(np.searchsorted(finite_rows, place))
+        ends = raw[finite_rows[[max(after - 1, 0), min(after, len(finite_rows) - 1)]]]
         passes = min(ends) < raw[place] < max(ends) and np.abs(ends - raw[place]).max() <= usual
         there[place] = not passes
     return there
@@ -528,9 +528,9 @@ def _wild_ends(values: Array, time: Array) -> list[int]:
     for order in (np.arange(n), np.arange(n)[::-1]):
         y, t = values[order], time[order]
         steps, pauses = np.abs(np.diff(y)), np.abs(np.diff(t))
-        held = int(np.argmax(y != y[0]))
-        starts = bool(y[0] in _STARTS and 0 < held <= max(_LONGEST_SPIKE, _MOST_LOST * n))
-        width = held if starts else int(np.argmax(steps[:_LONGEST_SPIKE])) + 1
+        first_change = int(np.argmax(y != y[0]))
+        starts = bool(y[0] in _STARTS and 0 < first_change <= max(_LONGEST_SPIKE, _MOST_LOST * n))
+        width = first_change if starts else int(np.argmax(steps[:_LONGEST_SPIKE])) + 1
         core = y[max(width, _LONGEST_SPIKE):]
         usual = 1.4826 * float(np.median(np.abs(core[1:-1] - (core[:-2] + core[2:]) / 2.0)))
         least = max(_SPIKE_TIMES * usual, _SPIKE_SHARE * float(np.ptp(core)))
@@ -550,11 +550,11 @@ def tell_gaps(time: Array, lines: npt.NDArray[np.intp], powered: bool, doubts: l
         return
     places = ", ".join(f"{steps[k]:g} s after line {lines[k]}" for k in gaps[:_SHOWN])
     more = f" and {len(gaps) - _SHOWN} more" if len(gaps) > _SHOWN else ""
-    held = "; the power is assumed constant in them" if powered else ""
+    assumption = "; the power is assumed constant in them" if powered else ""
     usual = float(np.median(steps))
     forward = len(gaps) == 1 and abs(float(steps[gaps[0]]) - _HOUR_S - usual) <= max(0.1 * usual, 1.0)
     hour = f"; where the clock was put forward by an hour, --log-interval {usual:g} counts the rows" if forward else ""
-    doubts.append(f"The log has {count(len(gaps), 'gap')} ({places}{more}){held}{hour}.")
+    doubts.append(f"The log has {count(len(gaps), 'gap')} ({places}{more}){assumption}{hour}.")
 
 
 def _places(sheet: Sheet, raw: Array, mask: Mask) -> str:

@@ -166,10 +166,10 @@ def demand_one_unit(file: str, role: str, name: str, borne: str) -> None:
     Raises:
         LogError: the units differ.
     """
-    named, own = unit_in_name(role, name) if name else None, unit_in_name(role, f"[{borne}]")
-    if named is not None and own is not None and named != own:
+    header_unit, own = unit_in_name(role, name) if name else None, unit_in_name(role, f"[{borne}]")
+    if header_unit is not None and own is not None and header_unit != own:
         option = {"power": "--power-full-scale", "time": "--time-unit"}.get(role, "--temperature-unit")
-        raise LogError(f"a column named in {named} whose cells are in", file=file, column=name, value=borne,
+        raise LogError(f"a column named in {header_unit} whose cells are in", file=file, column=name, value=borne,
                        expected=f"one unit, or {option} {own} if the cells are right")
 
 
@@ -622,9 +622,9 @@ def _smoothest_join(file: Path, sample: Sequence[Sequence[str]], count: int, wid
         return ()
     best, *others = sorted(rough, key=lambda columns: rough[columns])
     if others and rough[best] > _CLEARLY * rough[others[0]]:
-        asked = " or ".join("--decimal-comma " + ",".join(str(i + 1) for i in each) for each in (best, *others[:2]))
+        remedies = " or ".join("--decimal-comma " + ",".join(str(i + 1) for i in each) for each in (best, *others[:2]))
         raise LogError("commas both separate the cells and mark decimals", file=file,
-                       expected=f"{asked}; or a file with semicolons")
+                       expected=f"{remedies}; or a file with semicolons")
     return best
 
 
