@@ -261,9 +261,9 @@ def _ends_joint(problem: JointProblem) -> dict[str, tuple[float, float]]:
 def _bootstrap(problem: JointProblem, fit: JointFit, best: Array, seed: int) -> Array:
     """Return the vectors of resampled logs, shape (n, len(best))."""
     rng = np.random.default_rng(seed)
-    made = np.concatenate([part.simulated_degC for part in fit.parts])
-    left = problem.split(problem.records - made)
-    records = made + np.concatenate([block_resamples(error, _RESAMPLES, rng) for error in left], axis=1)
+    simulation = np.concatenate([part.simulated_degC for part in fit.parts])
+    left = problem.split(problem.records - simulation)
+    records = simulation + np.concatenate([block_resamples(error, _RESAMPLES, rng) for error in left], axis=1)
     starts = np.tile(best, (_RESAMPLES, 1))
     return minimise(problem.residuals(records), starts, problem.low, problem.high, iterations=15).parameters
 
@@ -564,8 +564,8 @@ def _candidates(
             window_s=(min(float(log.log.time_s[0]) for log in logs), max(float(log.log.time_s[-1]) for log in logs)),
             fit_pct=_fit_pct(cleaned, simulated), rmse_degC=float(np.sqrt(np.mean(left**2))),
             delta_bic=bic - min(bics),
-            fits_pct={log.log.name: fit_pct(log.clean_temperature, made) for log,
-                      made in zip(logs, simulated, strict=True)},
+            fits_pct={log.log.name: fit_pct(log.clean_temperature, simulation) for log,
+                      simulation in zip(logs, simulated, strict=True)},
         )
 
 

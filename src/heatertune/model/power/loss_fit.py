@@ -130,8 +130,8 @@ class LossFit:
         low, high = ci95.low or 0.0, ci95.high or 0.0
         assert curve is not None
         levels = " and ".join(f"{level:.0f}" for level in self.levels_degC)
-        held = steady_power_pct(self.model, curve.at_degC)
-        power = f"{held:.3g} % of power hold {curve.at_degC:.0f} °C"
+        power_pct = steady_power_pct(self.model, curve.at_degC)
+        power = f"{power_pct:.3g} % of power hold {curve.at_degC:.0f} °C"
         if curve.is_radiation:
             return (f"The heat loss is a curve, known from {levels} °C: convection and radiation, "
                     f"{100.0 * self.shape:.1f} % of it radiation at {curve.at_degC:.0f} °C "

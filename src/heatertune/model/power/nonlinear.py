@@ -74,12 +74,12 @@ class InputCurve:
 def knots_of(problem: PowerProblem) -> Array:
     """Return the powers between which gains are identifiable: logged levels, or quantiles of many; shape (k,) [%]."""
     readings = problem.readings
-    held = np.diff(readings.edge_s, append=max(readings.time_s[-1], readings.edge_s[-1]))
-    levels = np.append(readings.level_pct[held > 0.0], problem.power_before)
+    durations_s = np.diff(readings.edge_s, append=max(readings.time_s[-1], readings.edge_s[-1]))
+    levels = np.append(readings.level_pct[durations_s > 0.0], problem.power_before)
     values = np.unique(levels)
     if len(values) > _LEVELS:
         order = np.argsort(readings.level_pct)
-        shares = np.cumsum(held[order]) / held.sum()
+        shares = np.cumsum(durations_s[order]) / durations_s.sum()
         inner = np.interp(np.linspace(0.0, 1.0, _KNOTS)[1:-1], shares, readings.level_pct[order])
         values = np.unique([values[0], *inner, values[-1]])
     apart = _APART * (values[-1] - values[0])
@@ -129,22 +129,22 @@ def _solved(problem: PowerProblem, ramps: list[PowerProblem], z: Array) -> tuple
     linear = problem.fixed
     fixed = np.where(np.isnan(linear[: len(own)]), 0.0, linear[: len(own)])
     fixed[GAIN] = 0.0
-    given = fixed @ own
+    fixed_part = fixed @ own
     free = [place for place in (AMBIENT, DRIFT, FIRST_STATE, SECOND_STATE) if math.isnan(linear[place])]
     rising = [own[GAIN], *(ramp.basis(z)[GAIN] for ramp in ramps[1:])]
     columns = np.array([*rising, *own[free]])
     gains = np.zeros(len(rising))
-    taken = np.arange(len(columns))
+    active = np.arange(len(columns))
     while True:
-        chosen = columns[taken]
-        weights, *_ = np.linalg.lstsq(chosen.T, problem.readings.temperature_degC - given, rcond=None)
-        bad = (taken < len(rising)) & (weights < 0.0)
+        chosen = columns[active]
+        weights, *_ = np.linalg.lstsq(chosen.T, problem.readings.temperature_degC - fixed_part, rcond=None)
+        bad = (active < len(rising)) & (weights < 0.0)
         if not bad.any():
             break
-        taken = np.delete(taken, np.argmin(np.where(bad, weights, 0.0)))
-    here = taken < len(rising)
-    gains[taken[here]] = weights[here]
-    return gains, given + weights @ chosen
+        active = np.delete(active, np.argmin(np.where(bad, weights, 0.0)))
+    here = active < len(rising)
+    gains[active[here]] = weights[here]
+    return gains, fixed_part + weights @ chosen
 
 
 #: indices in a vector: ln gain, ambient, first temperature, inner one above it, ln lag, ln of cooling's by warming's,

@@ -587,15 +587,15 @@ class Thermostat:
         """
         if numbers is None:
             return None
-        given = (numbers,) if isinstance(numbers, int | float) else tuple(numbers)
-        if not 2 <= len(given) <= 4:
-            raise OutOfRange("thermostat", given, "LOW HIGH, or LOW HIGH MINIMUM-ON MINIMUM-OFF")
-        if given[0] > given[1]:
-            raise OutOfRange("thermostat", given[0], f"<= its high threshold, {given[1]:g}")
-        if min((0.0, *given[2:])) < 0.0:
-            raise OutOfRange("thermostat", min(given[2:]), ">= 0: a minimum time [s]")
-        return cls(low_degC=given[0], high_degC=given[1], least_on_s=given[2] if len(given) > 2 else 0.0,
-                   least_off_s=given[3] if len(given) > 3 else 0.0)
+        entries = (numbers,) if isinstance(numbers, int | float) else tuple(numbers)
+        if not 2 <= len(entries) <= 4:
+            raise OutOfRange("thermostat", entries, "LOW HIGH, or LOW HIGH MINIMUM-ON MINIMUM-OFF")
+        if entries[0] > entries[1]:
+            raise OutOfRange("thermostat", entries[0], f"<= its high threshold, {entries[1]:g}")
+        if min((0.0, *entries[2:])) < 0.0:
+            raise OutOfRange("thermostat", min(entries[2:]), ">= 0: a minimum time [s]")
+        return cls(low_degC=entries[0], high_degC=entries[1], least_on_s=entries[2] if len(entries) > 2 else 0.0,
+                   least_off_s=entries[3] if len(entries) > 3 else 0.0)
 
     def crossings(self, log: Log) -> SwitchingGuess:
         """Return where the readings reach the thresholds in turn: it switches there, or later by a minimum time."""

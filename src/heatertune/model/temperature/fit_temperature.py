@@ -63,10 +63,10 @@ def event_notes(best: Fit) -> Iterable[str]:
 def lost_notes(names: Sequence[str], lost: Iterable[str], ranges: Mapping[str, Interval]) -> Iterable[str]:
     """Report unidentified parameters and their ranges."""
     for name in lost:
-        _, called, unit = NOMENCLATURE[name]
+        _, title, unit = NOMENCLATURE[name]
         low, high = ("the bound of the search" if end is None else f"{end:.3g} {unit}"
                      for end in (ranges[name].low, ranges[name].high))
-        sentence = f"The {called} is not identified: anything from {low} to {high} explains {' and '.join(names)}"
+        sentence = f"The {title} is not identified: anything from {low} to {high} explains {' and '.join(names)}"
         yield f"{sentence} nearly as well."
 
 
@@ -293,9 +293,9 @@ def _joint(alone: Sequence[Sequence[Fit]], largest_power_pct: float | None) -> l
     segments = []
     for ranked in alone:
         still = min((fit.bic for fit in ranked if not fit.hypothesis.segments[0].event), default=np.inf)
-        asked = still > ranked[0].bic + _NEAR
+        needs_event = still > ranked[0].bic + _NEAR
         near = [fit.hypothesis.segments[0] for fit in ranked if fit.bic <= ranked[0].bic + _NEAR]
-        fitting = {s.law.name: replace(s, event=asked) for s in near if s.event or not asked}
+        fitting = {s.law.name: replace(s, event=needs_event) for s in near if s.event or not needs_event}
         segments.append(list(fitting.values())[:_MOST_LAWS])
     return [Hypothesis(segments=chosen, two_lags=two, largest_power_pct=largest_power_pct)
             for chosen in product(*segments) for two in (False, True)]
@@ -465,11 +465,11 @@ def _notes(
     ambient_degC: Bounds | None,
 ) -> tuple[str, ...]:
     hypothesis = best.hypothesis
-    given = ambient_degC is not None and ambient_degC[0] == ambient_degC[1]
-    told = {"ambient_degC"} if given else set()
+    has_fixed_ambient = ambient_degC is not None and ambient_degC[0] == ambient_degC[1]
+    exempt = {"ambient_degC"} if has_fixed_ambient else set()
     if hypothesis.largest_power_pct is None:
-        told |= {name for name in PROPORTIONAL_TO_GAIN if ranges[name].high is None}
-    lost = [name for name, limits in ci95.items() if limits is None and name not in told]
+        exempt |= {name for name in PROPORTIONAL_TO_GAIN if ranges[name].high is None}
+    lost = [name for name, limits in ci95.items() if limits is None and name not in exempt]
     names = [segment.log.name for segment in hypothesis.segments]
     notes = [_no_power([segment.log for segment in hypothesis.segments]).sentence, *event_notes(best),
              *lost_notes(names, lost, ranges),

@@ -113,8 +113,8 @@ class SwitchingSolution(NamedTuple):
     @property
     def ambient_degC(self) -> float:
         """Temperature without power [°C]."""
-        known = self.problem.ambient_degC
-        return float(self.linear[-1]) if known is None else known
+        fixed_degC = self.problem.ambient_degC
+        return float(self.linear[-1]) if fixed_degC is None else fixed_degC
 
     def temperature_degC(self, time_s: Array) -> Array:
         """Return the simulated temperature at instants of shape (n,) [°C], shape (n,)."""
@@ -286,10 +286,10 @@ def _fit(
     if len(log.time_s) < _ROWS * len(instants):
         return None
     every = -(-len(log.time_s) // _MOST_READINGS)
-    known = None if ambient_degC is None or ambient_degC[0] < ambient_degC[1] else ambient_degC[0]
-    problem = _SwitchingProblem(log.time_s[::every], log.temperature_degC[::every], is_on, known, levels=levels)
+    fixed_degC = None if ambient_degC is None or ambient_degC[0] < ambient_degC[1] else ambient_degC[0]
+    problem = _SwitchingProblem(log.time_s[::every], log.temperature_degC[::every], is_on, fixed_degC, levels=levels)
     solved = _solved(problem, instants)
-    if ambient_degC is not None and known is None and solved and not (
+    if ambient_degC is not None and fixed_degC is None and solved and not (
             ambient_degC[0] <= solved[0].ambient_degC <= ambient_degC[1]):
         end = min(max(solved[0].ambient_degC, ambient_degC[0]), ambient_degC[1])
         solved = _solved(problem._replace(ambient_degC=end), instants)
@@ -298,7 +298,7 @@ def _fit(
     profiles = [_profiles(each) for each in solved if each.bic - solved[0].bic <= _NEAR]
     near = [each for each in solved if each.bic - solved[0].bic <= _NEAR]
     family = [each for found, _ in profiles for each in found]
-    if known is None:  # no room is as cold or as hot as that
+    if fixed_degC is None:  # no room is as cold or as hot as that
         near, family = [[each for each in kept if _COLDEST < each.ambient_degC < float(log.temperature_degC.max())]
                         for kept in (near, family)]
         near = near or sorted(family, key=lambda entry: entry.cost)[:1]
@@ -538,8 +538,8 @@ def _profiles(best: SwitchingSolution) -> tuple[list[SwitchingSolution], Array]:
     width = basis.shape[1]
     spread = np.sqrt(np.maximum(np.diag(inverse), 0.0) * variance)
     # of the gain with the time constant held: the profile moves that
-    held = np.linalg.pinv(np.delete(jacobian, width, axis=1).T @ np.delete(jacobian, width, axis=1))
-    gain, ambient = quantile * np.sqrt(np.maximum(np.diag(held)[[0, width - 1]] * variance, 0.0))
+    projection = np.linalg.pinv(np.delete(jacobian, width, axis=1).T @ np.delete(jacobian, width, axis=1))
+    gain, ambient = quantile * np.sqrt(np.maximum(np.diag(projection)[[0, width - 1]] * variance, 0.0))
     found = list[SwitchingSolution]()
     for number, hold in enumerate(("lag", "ratio")[: 1 + (best.ratio > 0.0)]):
         deviation = float(np.clip(spread[width + number], 1e-4, 0.5))
