@@ -126,8 +126,8 @@ def _values(make: FirmwarePid, design: PidDesign, _scaling: Scaling) -> dict[str
     exact = (kp, 0.0 if math.isinf(tn) else kp / tn, kp * design.derivative_time_s)
     remedy = () if make.gains[0].places is None else ("a design of a faster heater would fit",)
     gains = {each.name: round_to_word(each, value, *remedy) for each, value in zip(make.gains, exact, strict=True)}
-    held = {} if make.interval is None else {make.interval[0]: round(design.sample_time_s / make.interval[1])}
-    return {**gains, **make.usual, **held}
+    interval_word = {} if make.interval is None else {make.interval[0]: round(design.sample_time_s / make.interval[1])}
+    return {**gains, **make.usual, **interval_word}
 
 
 def _design(make: FirmwarePid, words: Words) -> PidDesign | None:

@@ -253,8 +253,8 @@ def _line(content: str, line: int, source: str) -> list[_Entry]:
     if match := _GAIN.match(bare):
         heater = "bed" if match[1] == "4" else "hotend"
         try:
-            given = match[2].partition(";")[0].strip()
-            letters = _m301(given, line, source) if match[2].strip() else []  # without, it asks for the gains
+            arguments = match[2].partition(";")[0].strip()
+            letters = _m301(arguments, line, source) if match[2].strip() else []  # without, it asks for the gains
         except InputError:
             if not is_comment:
                 raise

@@ -219,11 +219,11 @@ def block_of(make: Make, words: Words, assume: PbandAssumptions) -> PbandBlock:
     band = band_degC(make, values, words.scaling.span_degC) / unit_degC
     tn, tv = _times(make, values)
     lag = tv / (0.5 * LAG_PARTS if assume.slow else LAG_PARTS)
-    held = {entry.role: entry_value(entry, values[entry.name]) for entry in make.entries}
+    by_role = {entry.role: entry_value(entry, values[entry.name]) for entry in make.entries}
     return PbandBlock(
         gain=100.0 / band, growth=0.0 if math.isinf(tn) else ta / tn, slope=tv / ta, share=ta / (lag + ta),
-        high=held.get("high", 100.0), least=held.get("least", 0.0), band=band,
-        approach=held["approach"] * band if "approach" in held else math.inf, alpha=held.get("alpha", _ALPHA),
+        high=by_role.get("high", 100.0), least=by_role.get("least", 0.0), band=band,
+        approach=by_role["approach"] * band if "approach" in by_role else math.inf, alpha=by_role.get("alpha", _ALPHA),
         follows=0.0 if math.isinf(tn) else min(ta / (tn + ta), 1.0), tenth=0.1 / unit_degC)
 
 

@@ -267,8 +267,8 @@ class ExportedPid(ExportedInPlc):
 
     def interrupt(self) -> tuple[float, bool | None]:
         """Run a tick with a broken wire."""
-        made, self._since = self._scan(0.0, 32767), 0
-        return made.power_pct, None
+        result, self._since = self._scan(0.0, 32767), 0
+        return result.power_pct, None
 
     def begin(self, output: Number, ticks: int) -> bool | None:  # noqa: ARG002
         """Return None: the pulses are the instruction's own."""

@@ -116,9 +116,9 @@ def from_text(
         elif _OLD.match(tag):
             raise wrong(source, line, tag, value, _IS_OLD)
         elif tag.upper() in off:
-            least, told = off[tag.upper()]
+            least, expectation = off[tag.upper()]
             if not _is(value, least):
-                raise wrong(source, line, tag, value, told)
+                raise wrong(source, line, tag, value, expectation)
         elif is_list and tag.upper().rpartition(".")[2] in {name.rpartition(".")[2] for name in by_tag}:
             raise wrong(source, line, tag, value, f"one of {', '.join(field.address for field in fields)}")
         else:
@@ -153,15 +153,15 @@ def _of_thread(
         if parallel := _PARALLEL.search(content):
             raise wrong(source, line, parallel[1], content[:40], "Gain, Ti and Td: Ti is Kp/Ki, Td is Kd/Kp")
         for found in _OFF_NAMES.finditer(content):
-            least, told = next(rule for tag, rule in off.items() if tag.endswith(f".{found[1].upper()}"))
+            least, expectation = next(rule for tag, rule in off.items() if tag.endswith(f".{found[1].upper()}"))
             if not _is(found[2].rstrip("."), least):
-                raise wrong(source, line, found[1], found[2], told)
-    asked = PastedNames(tuple(fields), _SHOWN, dict.fromkeys(_TIMES, 1.0), frozenset(_TIMES),
-                        "PID_Compact or PID_Temp")
+                raise wrong(source, line, found[1], found[2], expectation)
+    vocabulary = PastedNames(tuple(fields), _SHOWN, dict.fromkeys(_TIMES, 1.0), frozenset(_TIMES),
+                             "PID_Compact or PID_Temp")
     collected = WordCollector(source, tuple(fields))
-    put_pasted(collected, shown, asked, _NEEDED, source)
+    put_pasted(collected, shown, vocabulary, _NEEDED, source)
     assumed = collected.assume(_defaults(fields), _IDLE)
-    return ReadBack(collected.values(), unread_lines(shown, asked), assumed=assumed)
+    return ReadBack(collected.values(), unread_lines(shown, vocabulary), assumed=assumed)
 
 
 def _switched_off(tags: BlockTags) -> dict[str, tuple[str, str]]:
@@ -285,9 +285,9 @@ def _compared(tags: BlockTags, text: str, others: Sequence[_SclAssignments]) -> 
     functions = {found[1]: found for found in _FUNCTION.finditer(_blanked(text))}
 
     def unlike(words: Words) -> tuple[str, ...]:
-        wanted = {tag.upper(): value for tag, value, _ in assignments(tags, words, None)}
+        assigned_values = {tag.upper(): value for tag, value, _ in assignments(tags, words, None)}
         for line, tag, value in others:
-            own_value = wanted.get(tag.upper(), value)
+            own_value = assigned_values.get(tag.upper(), value)
             if value.upper() != own_value and (real_of(value) is None or real_of(value) != real_of(own_value)):
                 return (f"{tag} is {value}, not {own_value} (line {line})",)
         own = {LOAD: load(tags, words, None), CALL: call(tags), ROLLBACK: rollback(tags)}

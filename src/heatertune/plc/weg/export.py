@@ -249,12 +249,12 @@ RENAMED: Final = {"Type": "Form", "Action": "Acting"}
 def export_words(words: Words, certificate: Certificate) -> dict[str, str]:
     """Return the three files; the same words and certificate give the same bytes."""
     clock, setpoint = clock_for(words, certificate.actuator), proven_setpoint(words, certificate, COUNTS)
-    known = certificate.switches.get("sampling")
-    kept = None if known is None else known == "block"
+    sampling = certificate.switches.get("sampling")
+    kept = None if sampling is None else sampling == "block"
     head = (
         *head_of("heater controller for WEG's PID block", words, words.whole["Ts"], certificate, clock,
                  tool="WPS or another vendor's tool"),
-        *by_hand(clock, certificate, of_clock=[_who_keeps_ts(known)],
+        *by_hand(clock, certificate, of_clock=[_who_keeps_ts(sampling)],
                  of_start=["HeaterOn has to stay TRUE: each time that it rises the first call gives 0"]))
     remarks = comment(*head)
     limits = ProgramLimits(words.values["MaximumOutput"], words.values["Action"] == REVERSE)

@@ -207,7 +207,7 @@ class TranslatedBlock(Translation):
 
     def _computed(self, name: str, operand: str) -> _Value:  # noqa: PLR0911 - likewise
         """Return the ACCU 1 that a statement makes of what stands in both."""
-        one, two = (partial(self._as, held) for held in (self._one, self._two))
+        one, two = (partial(self._as, value) for value in (self._one, self._two))
         match name:
             case "SRD":
                 return self._new(f"{one('bits')} >> {int(operand)}")
@@ -234,7 +234,7 @@ class TranslatedBlock(Translation):
         if kind == "R":
             return f"true, first = {self._as(self._two, 'real')} {asks} {self._as(self._one, 'real')}, False"
         width = {"I": 16, "D": 32}[kind]
-        two, one = (f"signed({self._as(held, 'bits')}, {width})" for held in (self._two, self._one))
+        two, one = (f"signed({self._as(value, 'bits')}, {width})" for value in (self._two, self._one))
         return f"true, first = {two} {asks} {one}, False"
 
     def _loaded(self, at: int, operand: str, place: MemberPlace | None) -> _Value:
@@ -243,17 +243,17 @@ class TranslatedBlock(Translation):
             bits = constant(operand)
             meant = as_real(bits)
             return _Value(bits=str(bits), real=repr(meant) if math.isfinite(meant) else "")
-        asked, stays = self._followed(at + 1, "one", self._part_of[at])
-        if place.size == 4 and asked == {"real"} and not (stays and stays in self._read[self._part_of[at]]):
+        forms, stays = self._followed(at + 1, "one", self._part_of[at])
+        if place.size == 4 and forms == {"real"} and not (stays and stays in self._read[self._part_of[at]]):
             return _Value(real=self._named(f"unpacked({self._bytes(place)}, {place.byte})[0]"))
         return self._new(self._value(place))
 
     def _stored(self, place: MemberPlace) -> str:
         """Return the text that T is."""
-        held = self._one
-        if place.size == 4 and not held.bits:
-            return f"{self._bytes(place)}[{place.byte}:{place.byte + 4}] = packed({held.real})"
-        return self._put(place, self._as(held, "bits"))
+        value = self._one
+        if place.size == 4 and not value.bits:
+            return f"{self._bytes(place)}[{place.byte}:{place.byte + 4}] = packed({value.real})"
+        return self._put(place, self._as(value, "bits"))
 
     def _as(self, register: _Value, form: _Form) -> str:
         """Return text that gives what an accumulator holds as bits or as a number."""
@@ -283,8 +283,8 @@ class TranslatedBlock(Translation):
     def _write(self, at: int) -> None:
         """Write the accumulators that are read behind a part, or by what is called."""
         read = _SLOTS if self.lines[at].operation == "CALL" else self._read[self._part_of[at]]
-        held: dict[_Slot, _Value] = {"one": self._one, "two": self._two}
-        written = {slot: bits for slot in held if slot in read and (bits := self._as(held[slot], "bits")) != slot}
+        values: dict[_Slot, _Value] = {"one": self._one, "two": self._two}
+        written = {slot: bits for slot in values if slot in read and (bits := self._as(values[slot], "bits")) != slot}
         if written:
             self._emit(f"{', '.join(written)} = {', '.join(written.values())}")
 
@@ -293,11 +293,11 @@ class TranslatedBlock(Translation):
 
     def _followed(self, at: int, slot: _Slot | None, part: int) -> tuple[set[_Form], _Slot | None]:
         """Return as what is asked for what stands in an accumulator until its part ends, and where it stands then."""
-        asked = set[_Form]()
+        forms = set[_Form]()
         while slot and at < len(self.lines) and self._part_of[at] == part:
             name = self.lines[at].operation
             if name == "CALL":
-                asked.add("bits")
+                forms.add("bits")
                 slot = None
             elif name == "L":
                 slot = "two" if slot == "one" else None
@@ -305,13 +305,13 @@ class TranslatedBlock(Translation):
                 slot = "two" if slot == "one" else "one"
             elif name in _OF_ONE:
                 if slot == "one":
-                    asked.add(_OF_ONE[name])
+                    forms.add(_OF_ONE[name])
                     slot = "one" if name == "T" else None
             elif name not in _OF_NONE:
-                asked.add("real" if name[-1] == "R" else "bits")
+                forms.add("real" if name[-1] == "R" else "bits")
                 slot = None if slot == "one" and name[:-1] not in _COMPARED else slot
             at += 1
-        return asked, slot
+        return forms, slot
 
     def _read_later(self) -> list[set[_Slot]]:
         """Return for each part which accumulators are read behind it."""
@@ -320,7 +320,7 @@ class TranslatedBlock(Translation):
         after = [self._after(at) for at in range(len(self.lines)) if self._is_last(at)]
         read: list[set[_Slot]] = [set() for _ in begins]
         while True:
-            needed = [{slot for slot, (asked, stays) in slots.items() if asked or stays in read[part]}
+            needed = [{slot for slot, (forms, stays) in slots.items() if forms or stays in read[part]}
                       for part, slots in enumerate(here)]
             found = [{slot for slot in _SLOTS if any(part is None or slot in needed[part] for part in parts)}
                      for parts in after]
@@ -335,12 +335,12 @@ class TranslatedBlock(Translation):
         return {None if label == "" else behind, *([self._part_of[self.labels[label]]] if label in self.labels else [])}
 
     def _jump(self, at: int, name: str, label: str) -> list[str]:
-        goes, asked = self.goes(at, label), _JUMPS[name]
-        if asked is None:
+        goes, condition = self.goes(at, label), _JUMPS[name]
+        if condition is None:
             return ["first = True", *goes]
         # JC and JCN leave a true result of both
         after = "os = False" if name == "JOS" else "true = True"
-        return [f"goes, first = {asked}, True", after, "if goes:", *(f" {line}" for line in goes)]
+        return [f"goes, first = {condition}, True", after, "if goes:", *(f" {line}" for line in goes)]
 
     def _bytes(self, place: MemberPlace) -> str:
         """Return what names the memory of a place; one that is nowhere is looked for when it is asked for."""
@@ -560,10 +560,10 @@ class S7300Cpu(Accumulators):
 
     def _call(self, block: _CodeBlock, operand: str) -> BlockCall:
         """Return what a CALL does."""
-        called = re.match(r"((?:FB|FC) \d+)(?: , (DB \d+))?", operand)
-        if called is None:
+        callee = re.match(r"((?:FB|FC) \d+)(?: , (DB \d+))?", operand)
+        if callee is None:
             raise InputError(f"CALL {operand!r}; expected a block, and its instance where it has one")
-        name, data = called[1], called[2] or ""
+        name, data = callee[1], callee[2] or ""
         if name not in self._firmware and name not in self._blocks:
             raise LookupError(name)
         operands = [(found[1], found[2].strip()) for found in _ASSIGNED.finditer(operand)]

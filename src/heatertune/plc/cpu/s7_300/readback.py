@@ -104,8 +104,8 @@ def _block_name(block: _BlockText) -> str:
 
 def _comparing(text: str, export: Callable[[Words, str], str]) -> Callable[[Words], tuple[str, ...]]:
     program = _program(text)
-    called = {statement for _, statement in program}
-    by = next((by for by, call in _PULSES.items() if call in called), ANALOG)
+    statements = {statement for _, statement in program}
+    by = next((by for by, call in _PULSES.items() if call in statements), ANALOG)
     return lambda words: first_unlike(program, _program(export(words, by)))
 
 

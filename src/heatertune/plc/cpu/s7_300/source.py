@@ -156,16 +156,16 @@ def statements(lines: Iterable[tuple[int, str]]) -> list[StatementLine]:
     Raises:
         InputError: a line after which none ends.
     """
-    found, begun, text = list[StatementLine](), 0, ""
+    found, first_line, text = list[StatementLine](), 0, ""
     for number, line in lines:
         if not line or (not text and line.startswith(("NETWORK", "TITLE"))):
             continue
-        begun, text = (begun, f"{text} {line}") if text else (number, line)
+        first_line, text = (first_line, f"{text} {line}") if text else (number, line)
         *whole, text = text.split(";")
-        found += [_statement(begun, each) for each in whole]
-        begun, text = number, text.strip()
+        found += [_statement(first_line, each) for each in whole]
+        first_line, text = number, text.strip()
     if text:
-        raise InputError(f"line {begun}: {text!r}; expected a semicolon")
+        raise InputError(f"line {first_line}: {text!r}; expected a semicolon")
     return found
 
 
