@@ -171,11 +171,11 @@ class As511Server:
     def _places(self) -> Iterator[tuple[int, int, int]]:
         """Yield number, address of DW 0 and bytes of each block that is there."""
         address = _BEGIN if self._plc.link("compressed") is None else _COMPRESSED
-        for number, held in self._numbers.items():
+        for number, block_name in self._numbers.items():
             address += _HEADER
-            if not (held == self._memory.main and self._memory.missing):
-                yield number, address, self._memory.block_size(held)
-            address += self._memory.size(held)
+            if not (block_name == self._memory.main and self._memory.missing):
+                yield number, address, self._memory.block_size(block_name)
+            address += self._memory.size(block_name)
 
     def _info(self, body: bytes) -> bytes:
         """Return what 1Ah tells of a block: its address, and its header."""
@@ -196,8 +196,8 @@ class As511Server:
         found = bytearray(last + 1 - first)
         with self._memory.changed:
             for number, address, length in self._places():
-                held = self._header(number, length) + self._memory.read(self._numbers[number], 0, length)
-                for at, byte in enumerate(held, start=address - _HEADER):
+                content = self._header(number, length) + self._memory.read(self._numbers[number], 0, length)
+                for at, byte in enumerate(content, start=address - _HEADER):
                     if first <= at <= last:
                         found[at - first] = byte
         return bytes(5) + bytes(found)

@@ -241,11 +241,11 @@ class BlockMemory:
             self.changed.notify_all()
 
     def _block(self, number: int, start: int, count: int) -> bytearray:
-        known = self._names.get(number)
-        if known is None or (self.missing and known == self.main):
+        block_name = self._names.get(number)
+        if block_name is None or (self.missing and block_name == self.main):
             raise Refusal(Access.MISSING)
-        block = self._blocks[known]
-        if start < 0 or count < 0 or start + count > self.block_size(known):
+        block = self._blocks[block_name]
+        if start < 0 or count < 0 or start + count > self.block_size(block_name):
             raise Refusal(Access.OUTSIDE)
         return block
 
@@ -546,11 +546,11 @@ class Laid:
 
     def _taken(self, cells: bytearray) -> ControllerState:
         """Return the controller with the words that stand there, in the cold state."""
-        held = _parts(cells, self.layout.words)
-        if held != self._held:
+        parts = _parts(cells, self.layout.words)
+        if parts != self._held:
             values = {name: place.read(cells) for name, place in self.layout.words.items()}
             self._running = self._controller.begin(replace(self._words, values=values), self._assume)
-            self._held = held
+            self._held = parts
         return self._running
 
     def _keep(self, cells: bytearray, state: Any) -> None:
@@ -593,8 +593,8 @@ class Laid:
 
     def put_word(self, cells: bytearray, name: str, value: float) -> None:
         """Write one word; errors as `heatertune.live.block_memory`."""
-        wanted = field_of([each for each in self._controller.fields if each.name in self.layout.words], name)
-        self.layout.words[name].write(cells, to_word_format(wanted, value))
+        field = field_of([each for each in self._controller.fields if each.name in self.layout.words], name)
+        self.layout.words[name].write(cells, to_word_format(field, value))
 
 
 def _parts(cells: bytes | bytearray, places: Mapping[str, CellAddress]) -> bytes:

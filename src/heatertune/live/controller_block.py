@@ -132,8 +132,8 @@ def block_for(controller: Controller, words: Words, switches: Mapping[str, str])
         UnknownName: no such switch or setting.
     """
     module, name = SERVED[controller.name]
-    made: Callable[[Controller, Words, Any], ServedBlock] = getattr(import_module(f"heatertune.live.{module}"), name)
-    return made(controller, words, assumptions_from(controller.assumptions, switches))
+    factory: Callable[[Controller, Words, Any], ServedBlock] = getattr(import_module(f"heatertune.live.{module}"), name)
+    return factory(controller, words, assumptions_from(controller.assumptions, switches))
 
 
 #: what is recorded, in the order of a log's columns
@@ -242,20 +242,20 @@ def places_in(path: str | Path) -> Places:
     Raises:
         DocumentError: it cannot be read, or says something else; the message names the entry.
     """
-    said = read_toml(path)
-    if isinstance(said.get("temperature"), dict) and "topic" in said["temperature"]:
-        return _topics(path, said)
-    for name in said:
+    entries = read_toml(path)
+    if isinstance(entries.get("temperature"), dict) and "topic" in entries["temperature"]:
+        return _topics(path, entries)
+    for name in entries:
         if name not in ("block", "counter", *ROLES):
             raise DocumentError(f"{path}: entry {name!r}: expected block, counter, {', '.join(ROLES)}")
     signals: dict[str, BlockSignal] = {
-        role: _signal(path, role, said[role], ("raw", "range")) for role in ROLES if role in said}
+        role: _signal(path, role, entries[role], ("raw", "range")) for role in ROLES if role in entries}
     if "temperature" not in signals:
         raise DocumentError(f"{path}: no [temperature]; expected where it stands: byte, format, raw, range")
-    block = said.get("block")
+    block = entries.get("block")
     if block is not None and not (type(block) is int and 1 <= block <= _MOST_BYTE):
         raise DocumentError(f"{path}: block = {block!r}: expected a whole number 1…{_MOST_BYTE}")
-    counter = _counter(path, said["counter"]) if "counter" in said else None
+    counter = _counter(path, entries["counter"]) if "counter" in entries else None
     return Places(block=block, signals=signals, counter=counter, summary=Path(path).name)
 
 

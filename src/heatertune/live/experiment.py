@@ -267,8 +267,8 @@ class ManualMode:
         self.block: ServedBlock = block_for(controller_for(words.target), words, {})
         self._image = self.block.image()
         start, put = self.block.put_in_manual(self._image, 0.0)
-        said = address.block if address.protocol == "s7" else None
-        self.place = self.block.number if said is None else said, start, len(put)
+        block_number = address.block if address.protocol == "s7" else None
+        self.place = self.block.number if block_number is None else block_number, start, len(put)
         at = self.block.put_in_manual(self._image, _PROBE_PCT)[1].find(struct.pack(">f", _PROBE_PCT))
         self.real = None if at < 0 else at
 

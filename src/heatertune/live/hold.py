@@ -166,9 +166,9 @@ class WayBack:
     @property
     def message(self) -> str:
         """What is open, a sentence that names the remedy."""
-        begun = f"{self.command} begun {self.begun} (process {self.process}) has not ended"
-        found = (f"an {begun}: the controller may be in manual at up to {self.power_pct:g} %"
-                 if self.command == "experiment" else f"a {begun}: some of its parameters may be in the PLC")
+        attempt = f"{self.command} begun {self.begun} (process {self.process}) has not ended"
+        found = (f"an {attempt}: the controller may be in manual at up to {self.power_pct:g} %"
+                 if self.command == "experiment" else f"a {attempt}: some of its parameters may be in the PLC")
         return f"{self.address}: {found}; unless it still runs, bring back what stood there before: {self.remedy}"
 
     def to_text(self) -> str:

@@ -224,7 +224,7 @@ class _Attributes(AttributeService):  # type: ignore[misc]
 
     def read(self, params: ua.ReadParameters) -> list[ua.DataValue]:
         with self.plc.memory.changed:
-            return [self._read(wanted) for wanted in params.NodesToRead]
+            return [self._read(node) for node in params.NodesToRead]
 
     def _read(self, wanted: ua.ReadValueId) -> ua.DataValue:
         cell = self.cells.get(wanted.NodeId)
@@ -235,13 +235,13 @@ class _Attributes(AttributeService):  # type: ignore[misc]
 
     async def write(self, params: ua.WriteParameters, user: Any = None) -> list[ua.StatusCode]:
         done = []
-        for wanted in params.NodesToWrite:
-            cell = self.cells.get(wanted.NodeId)
-            if cell is None or wanted.AttributeId != ua.AttributeIds.Value:
-                done += await super().write(ua.WriteParameters([wanted]), user)
+        for node in params.NodesToWrite:
+            cell = self.cells.get(node.NodeId)
+            if cell is None or node.AttributeId != ua.AttributeIds.Value:
+                done += await super().write(ua.WriteParameters([node]), user)
                 continue
             try:
-                cell.write(self.plc.memory, wanted.Value.Value, wanted.IndexRange)
+                cell.write(self.plc.memory, node.Value.Value, node.IndexRange)
                 done.append(ua.StatusCode())
             except (Refusal, ua.UaStatusCodeError) as refused:
                 done.append(ua.StatusCode(_code(refused)))
@@ -335,13 +335,13 @@ def _tell_time(server: Server) -> None:
     """Answer with the clock when asked for it; the library's own way writes it each second, and ends a second late."""
     server.disable_clock()
     space, status = server.iserver.aspace, ua.NodeId(ua.ObjectIds.Server_ServerStatus)
-    begun = datetime.now(UTC)
-    told = copy.copy(space.read_attribute_value(status, ua.AttributeIds.Value).Value.Value)
-    told.State, told.StartTime = ua.ServerState.Running, begun
+    start = datetime.now(UTC)
+    value = copy.copy(space.read_attribute_value(status, ua.AttributeIds.Value).Value.Value)
+    value.State, value.StartTime = ua.ServerState.Running, start
 
     def now(node: ua.NodeId, _attribute: ua.AttributeIds) -> ua.DataValue:
-        told.CurrentTime = datetime.now(UTC)
-        return ua.DataValue(ua.Variant(told if node == status else told.CurrentTime))
+        value.CurrentTime = datetime.now(UTC)
+        return ua.DataValue(ua.Variant(value if node == status else value.CurrentTime))
 
     for node in (status, ua.NodeId(ua.ObjectIds.Server_ServerStatus_CurrentTime)):
         space.set_attribute_value_callback(node, ua.AttributeIds.Value, now)
@@ -394,7 +394,7 @@ async def _publish(service: _Attributes, closing: list[asyncio.Task[Any]]) -> No
         service: with the cells.
         closing: the library's ends of connections, which it looks through too rarely for a client that sends nonsense.
     """
-    space, told = service._aspace, dict[ua.NodeId, Any]()
+    space, last_values = service._aspace, dict[ua.NodeId, Any]()
     while True:
         await asyncio.sleep(_LOOK_S)
         closing[:] = [each for each in closing if not each.done()]
@@ -403,8 +403,8 @@ async def _publish(service: _Attributes, closing: list[asyncio.Task[Any]]) -> No
             if not callbacks:
                 continue
             found = service.value(cell)
-            seen = found.Value and found.Value.Value, found.StatusCode
-            if told.get(node) != seen:
-                told[node] = seen
+            value = found.Value and found.Value.Value, found.StatusCode
+            if last_values.get(node) != value:
+                last_values[node] = value
                 for handle, callback in callbacks.copy().items():
                     await callback(handle, found)

@@ -144,7 +144,7 @@ def fault_of(text: str) -> ScheduledFault:
     if word is not None:
         return ScheduledFault(name=_WORD, begins_s=begins_s, ends_s=ends_s, value=_number(text, new), word=name)
     if plain not in FAULTS and f"{plain}=" not in FAULTS:
-        raise UnknownName("fault", plain, [known.rstrip("=") for known in FAULTS])
+        raise UnknownName("fault", plain, [kind.rstrip("=") for kind in FAULTS])
     if (value is not None) != (f"{plain}=" in FAULTS):
         raise InputError(f"--fault {text!r}: {plain} {'takes no number' if value is not None else 'needs =NUMBER'}")
     number = 0.0 if value is None else _number(text, value)
@@ -567,10 +567,10 @@ class VirtualPlc:
         self._there = tuple(fault for fault in self._plan.faults if fault.at(now))
         names = {fault.name for fault in self._there}
         self._change_memory(names)
-        seen = self._sensed(temperature, names)
-        self._seen = (seen, *self._seen[1:])
+        reading = self._sensed(temperature, names)
+        self._seen = (reading, *self._seen[1:])
         self._intervals += 1
-        return self._measured(self._plan.loop.sensor, seen)
+        return self._measured(self._plan.loop.sensor, reading)
 
     def _gate(self) -> None:
         """Tell what is over, and wait until the next interval may begin."""

@@ -220,8 +220,8 @@ class _File:
         content, now = text.encode(), time.monotonic()
         try:
             while content:  # a disk that is nearly full takes a part
-                taken = os.write(self._number, content)
-                self._size, content = self._size + taken, content[taken:]
+                count = os.write(self._number, content)
+                self._size, content = self._size + count, content[count:]
             if now - self._synced > _SYNCED_S:
                 os.fsync(self._number)
                 self._synced = now
@@ -272,24 +272,24 @@ def record(
         LinkError: nobody is there at the beginning; later ones are waited for.
         OutOfRange: a time that is none.
     """
-    given = settings or RecordingSetup()
-    with _looking(address, places, given.timeout_s) as looking:
+    setup = settings or RecordingSetup()
+    with _looking(address, places, setup.timeout_s) as looking:
         columns = ["time_s", *_titles(looking.roles).values()]
         clock = ("this machine's clock" if looking.interval_s is None
                  else f"scans of the PLC, each {looking.interval_s:.9g} s")
         mixed = "" if looking.whole else "; a row may hold quantities of two scans"
-        switched = "" if given.pwm_period_s is None else f"{SWITCHED}{given.pwm_period_s:.9g} s"
+        switched = "" if setup.pwm_period_s is None else f"{SWITCHED}{setup.pwm_period_s:.9g} s"
         heads = f"{MARK}; {address.text}; begun {_now()}; time: {clock}{switched}{mixed}\n{','.join(columns)}\n"
-        with _File(Path(path), heads, given.append) as file:
-            return _Rows(looking, file, given).run(shown, ended, reopen)
+        with _File(Path(path), heads, setup.append) as file:
+            return _Rows(looking, file, setup).run(shown, ended, reopen)
 
 
 def _titles(roles: Iterable[str]) -> dict[str, str]:
     """Return quantity → title of its column, in the order of the columns; those of a zone begin with its name."""
-    known = list(roles)
-    if zones := [key.rpartition(" ") for key in known if " " in key]:
+    role_names = list(roles)
+    if zones := [key.rpartition(" ") for key in role_names if " " in key]:
         return {f"{zone} {role}": f"{zone}_{_UNITS[role]}" for zone, _, role in zones}
-    return {role: _UNITS[role] for role in ROLES if role in known}
+    return {role: _UNITS[role] for role in ROLES if role in role_names}
 
 
 def _looking(
@@ -450,10 +450,10 @@ def record_all(
 
     def one(loop: RecordedLoop) -> None:
         try:
-            told = record(loop.address, folder / loop.file, loop.places, settings, ended=enough,
-                          shown=lambda state: so_far.__setitem__(loop.file, state))
-            if not told.rows:
-                wrong[loop.file] = f"{loop.address.text}: nothing was recorded{_because(told)}"
+            recording = record(loop.address, folder / loop.file, loop.places, settings, ended=enough,
+                               shown=lambda state: so_far.__setitem__(loop.file, state))
+            if not recording.rows:
+                wrong[loop.file] = f"{loop.address.text}: nothing was recorded{_because(recording)}"
         except HeatertuneError as problem:
             wrong[loop.file] = str(problem)
 
@@ -463,7 +463,7 @@ def record_all(
     for thread in threads:
         while thread.is_alive():
             thread.join(_BEAT_S)
-            shown(sum(told.rows for told in list(so_far.values())))
+            shown(sum(recording.rows for recording in list(so_far.values())))
     return wrong
 
 
@@ -494,21 +494,21 @@ def record_addresses(
         InputError: an address that is none, or given twice; a list that is not right, or names another address; a
             folder that is there; no loop could be recorded.
     """
-    told = {} if loops is None else read_list(loops)
-    for address in told:
+    entries = {} if loops is None else read_list(loops)
+    for address in entries:
         if address not in addresses:
             raise InputError(f"{loops}: {address!r} is none of the addresses given")
-    beside = Path() if loops is None else Path(loops).parent
+    list_folder = Path() if loops is None else Path(loops).parent
     found: dict[str, LoopEntry] = {}
     running, wrong = [], {}
     for address in addresses:
-        loop = told.get(address, LoopEntry(name=address, file=address))
+        loop = entries.get(address, LoopEntry(name=address, file=address))
         file = _file_of(loop.name, found)
         found[file] = replace(
-            loop, file=file, folder=None if loop.folder is None else str((beside / loop.folder).absolute()))
+            loop, file=file, folder=None if loop.folder is None else str((list_folder / loop.folder).absolute()))
         where = address_of(address)
         try:
-            running.append(RecordedLoop(file, where, _places(loop, beside)))
+            running.append(RecordedLoop(file, where, _places(loop, list_folder)))
         except HeatertuneError as problem:
             wrong[file] = str(problem)
     if len(set(addresses)) < len(addresses):

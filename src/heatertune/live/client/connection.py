@@ -382,7 +382,7 @@ def status_of_simulator(client: Client) -> SimulatorStatus | None:
         LinkError: no answer.
     """
     try:
-        told = SimulatorStatus(client.read(OWN, 0, OWN_LENGTH))
+        status = SimulatorStatus(client.read(OWN, 0, OWN_LENGTH))
     except PlcRefused:
         return None
-    return told if told.marked else None
+    return status if status.marked else None

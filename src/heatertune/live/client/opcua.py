@@ -87,9 +87,9 @@ class OpcuaClient(RequestConnection):
 
         async def ask() -> None:
             value = ua.Variant(content if kind == ua.VariantType.ByteString else list(content), kind)
-            wanted = ua.WriteValue(ua.NodeId.from_string(self._node(number)), ua.AttributeIds.Value, span,
-                                   ua.DataValue(value))
-            await self._send(wanted, what)
+            write_value = ua.WriteValue(ua.NodeId.from_string(self._node(number)), ua.AttributeIds.Value, span,
+                                        ua.DataValue(value))
+            await self._send(write_value, what)
 
         self._run(ask, what)
 
@@ -108,9 +108,9 @@ class OpcuaClient(RequestConnection):
         return f"{self._address.node.partition(';')[0]};s=DB{OWN}"
 
     async def _value(self, number: int, index_range: str | None = None) -> ua.DataValue:
-        wanted = ua.ReadValueId(ua.NodeId.from_string(self._node(number)), ua.AttributeIds.Value, index_range)
+        node = ua.ReadValueId(ua.NodeId.from_string(self._node(number)), ua.AttributeIds.Value, index_range)
         found, = await self._library.uaclient.session.read(ua.ReadParameters(
-            TimestampsToReturn=ua.TimestampsToReturn.Source, NodesToRead=[wanted]))
+            TimestampsToReturn=ua.TimestampsToReturn.Source, NodesToRead=[node]))
         return found
 
     def _content(self, data_value: ua.DataValue, what: str) -> bytes:
@@ -167,9 +167,9 @@ class TagClient(OpcuaClient):
         tags = [tag for tag, place in TAGS.items() if place.part.start < start + count and place.part.stop > start]
 
         async def ask() -> bytes:
-            wanted = [ua.ReadValueId(self._tag(tag), ua.AttributeIds.Value) for tag in tags]
+            nodes = [ua.ReadValueId(self._tag(tag), ua.AttributeIds.Value) for tag in tags]
             values = await self._library.uaclient.session.read(ua.ReadParameters(
-                TimestampsToReturn=ua.TimestampsToReturn.Source, NodesToRead=wanted))
+                TimestampsToReturn=ua.TimestampsToReturn.Source, NodesToRead=nodes))
             cells = bytearray(max(place.part.stop for place in TAGS.values()) + 1)
             for tag, value in zip(tags, values, strict=True):
                 TAGS[tag].write(cells, self._number(value, tag))
@@ -203,9 +203,9 @@ class TagClient(OpcuaClient):
         value = place.read(bytes(start) + content)
 
         async def ask() -> None:
-            wanted = ua.WriteValue(self._tag(tag), ua.AttributeIds.Value, None,
-                                   ua.DataValue(ua.Variant(value, _TAG_TYPES[place.format])))
-            await self._send(wanted, what)
+            write_value = ua.WriteValue(self._tag(tag), ua.AttributeIds.Value, None,
+                                        ua.DataValue(ua.Variant(value, _TAG_TYPES[place.format])))
+            await self._send(write_value, what)
 
         what = f"writing {instance_of(self._address.node)}.{tag}"
         self._run(ask, what)

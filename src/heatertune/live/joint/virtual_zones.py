@@ -204,8 +204,8 @@ class VirtualZones(VirtualPlc):
         scans = sys.maxsize - 1 if self._pace.intervals is None else self._pace.intervals
         out = JointArrays(*(_Latest(len(words), scans) for _ in JointArrays._fields))
         states = nested_pairs([part.block.begin() for part in self.parts])
-        events, asked = self._events(), [plan.loop.setpoints[0] for plan in plans]
-        setpoints = ZoneWords(list(asked), [asked[event.zone] for event in events], list(asked), [0] * len(asked),
+        events, degC = self._events(), [plan.loop.setpoints[0] for plan in plans]
+        setpoints = ZoneWords(list(degC), [degC[event.zone] for event in events], list(degC), [0] * len(degC),
                               ramp_program(plans[0].loop))
         core = served_core(plans[0].loop.core)
         try:
@@ -294,26 +294,26 @@ def virtual_zones(
         DocumentError: as `read_zones_design`.
     """
     design = source if isinstance(source, ZonesDesign) else read_zones_design(source)
-    given = settings or Simulation()
+    options = settings or Simulation()
     blocks = demand_served(design.words)
-    given = reaching_settings(blocks[0], design.words[0].target, _of_zones(given, blocks[0]))
-    for protocol in given.serve:
+    options = reaching_settings(blocks[0], design.words[0].target, _of_zones(options, blocks[0]))
+    for protocol in options.serve:
         demand_library(protocol)
-    timetable = _timetable(design, given.faults)
+    timetable = _timetable(design, options.faults)
     _demand_words(blocks, timetable)
     plans = [_plan(design, zone, timetable[zone]) for zone in range(len(design.zones))]
     noise = design.conditions.noise_degC if noise_degC is None else noise_degC
-    plc = VirtualZones(design, plans, blocks, pace_of(given), noise)
-    if "modbus" in given.serve:
+    plc = VirtualZones(design, plans, blocks, pace_of(options), noise)
+    if "modbus" in options.serve:
         plc.speak_modbus(blocks)
-    return ZonesServed(design, plc, given, linked=any(map(is_of_link, timetable[0])))
+    return ZonesServed(design, plc, options, linked=any(map(is_of_link, timetable[0])))
 
 
 def _of_zones(settings: Simulation, block: ServedBlock) -> Simulation:
     """Return settings with a protocol that reaches zones; raise InputError for what zones are not simulated with."""
-    for wanted, flag in ((settings.sample is not None, "--sample"), (settings.story, "--story"),
+    for is_set, flag in ((settings.sample is not None, "--sample"), (settings.story, "--story"),
                          (settings.dead_man > 0, "--dead-man")):
-        if wanted:
+        if is_set:
             raise InputError(f"{flag}: not for zones; leave it out")
     for protocol in settings.serve:
         if protocol not in SPOKEN:

@@ -139,12 +139,12 @@ def zones_places(
         InputError: as `demand_served` and `zone_addresses`; a zone whose name no column can bear.
         DocumentError: as `read_zones_design`.
     """
-    known = design if isinstance(design, ZonesDesign) else read_zones_design(design)
-    for zone in known.zones:
+    zones_design = design if isinstance(design, ZonesDesign) else read_zones_design(design)
+    for zone in zones_design.zones:
         if (sign := _NO_COLUMN.search(zone)) is not None:
             raise InputError(f"zone {zone!r}: a name with {sign[0]!r} cannot head a column of a log")
-    blocks = demand_served(known.words)
-    return ZonesPlaces(zones=known.zones, addresses=tuple(zone_addresses(address, blocks, numbers)),
+    blocks = demand_served(zones_design.words)
+    return ZonesPlaces(zones=zones_design.zones, addresses=tuple(zone_addresses(address, blocks, numbers)),
                        blocks=tuple(blocks))
 
 

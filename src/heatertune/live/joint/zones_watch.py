@@ -243,20 +243,20 @@ class ZonesWatch:
 
     def see(self, look: Snapshot) -> str:
         """Take a look; return why a zone is outside its limits for several readings; empty where none is."""
-        seen = [look.signals[f"{each.zone} temperature"] for each in self.zones]
-        asked = [look.signals[f"{each.zone} setpoint"] for each in self.zones]
+        readings = [look.signals[f"{each.zone} temperature"] for each in self.zones]
+        setpoints = [look.signals[f"{each.zone} setpoint"] for each in self.zones]
         powers = [look.signals.get(f"{each.zone} power", math.nan) for each in self.zones]
         still_s, self.seconds = self._still_time.see(look)
         for each in self.zones:
             each.still_s, each.seconds = still_s, self.seconds
         usable = [self._is_usable(zone, degC, setpoint) for zone, (degC, setpoint) in enumerate(
-            zip(seen, asked, strict=True))]
+            zip(readings, setpoints, strict=True))]
         if all(usable):
-            self._note_change(look, seen, asked)
-            self._note_sensors(look.time_s, seen, powers)
+            self._note_change(look, readings, setpoints)
+            self._note_sensors(look.time_s, readings, powers)
         if not self._asked:
             return self._unusable_reason()
-        found = [self._compare(zone, stats, look.time_s, seen[zone], powers[zone])
+        found = [self._compare(zone, stats, look.time_s, readings[zone], powers[zone])
                  for zone, stats in enumerate(self.zones) if usable[zone]]
         alarms = (f"zone {each.zone}: {each.alarm or each.frozen}" for each in self.zones if each.alarm or each.frozen)
         return next(filter(None, found), next(alarms, self._unusable_reason()))

@@ -327,21 +327,21 @@ class _ZonesWrite:
             raise
 
     def _watched(self, progress: Progress) -> ZonesWriteResult:
-        wanted, plan = self._wanted, self._plan
-        if not wanted.watch or wanted.declared.in_manual:
+        request, plan = self._wanted, self._plan
+        if not request.watch or request.declared.in_manual:
             for zone in plan.order:
                 self._ends[zone] = self._writers[zone].demand_new(plan.zones[zone].look, self._ends[zone])
             return self._ended(f"the words of {len(plan.order)} zones are in the PLC, read back")
         expected = [each.after for each in plan.zones]
-        found = watch_zones(self._peers, wanted.proven, expected, progress)
-        told = f"watched for {found.seconds:.0f} s, {found.count} readings"
+        found = watch_zones(self._peers, request.proven, expected, progress)
+        summary = f"watched for {found.seconds:.0f} s, {found.count} readings"
         if found.outside:
-            return self._taken_back(f"{told}: {found.outside}")
+            return self._taken_back(f"{summary}: {found.outside}")
         if found.ended_early:
-            self._ends = {zone: WriteEnd(WriteOutcome.UNWATCHED, f"{end.message}; {told}, then: {found.ended_early}",
+            self._ends = {zone: WriteEnd(WriteOutcome.UNWATCHED, f"{end.message}; {summary}, then: {found.ended_early}",
                                          end.stands) for zone, end in self._ends.items()}
-            return self._ended(f"the words are in the PLC; {told}, then: {found.ended_early}")
-        return self._ended(f"the words of {len(plan.order)} zones are in the PLC, read back; {told}, "
+            return self._ended(f"the words are in the PLC; {summary}, then: {found.ended_early}")
+        return self._ended(f"the words of {len(plan.order)} zones are in the PLC, read back; {summary}, "
                            f"{100.0 * found.most:.0f} % of the proven band used")
 
     def _taken_back(self, why: str, but: int = -1) -> ZonesWriteResult:

@@ -109,14 +109,14 @@ class BlockImage:
 
     def words(self, content: bytes, others: Words) -> Words:
         """Return what a PLC runs; what does not stand in the block is as in other words."""
-        held = self.interval_s(content)
+        interval_s = self.interval_s(content)
         return replace(others, values={**others.values, **self.values(content), **self.bits(content)},
-                       sample_time_s=others.sample_time_s if held is None else held)
+                       sample_time_s=others.sample_time_s if interval_s is None else interval_s)
 
     def interval_s(self, content: bytes) -> float | None:
         """Return the interval at which the controller is called, where words in the block tell it [s]."""
-        found, told = {**self.values(content), **self.bits(content)}, self.controller.interval_s
-        return None if told is None or any(field.name not in found for field in self.controller.fields) else told(found)
+        found, rule = {**self.values(content), **self.bits(content)}, self.controller.interval_s
+        return None if rule is None or any(field.name not in found for field in self.controller.fields) else rule(found)
 
     def signal(self, content: bytes, role: str) -> float:
         """Return a signal of the block, see `heatertune.live.controller_block.ServedBlock`."""
@@ -329,10 +329,10 @@ class Peer(ClosesOnExit):
     def _look(self) -> BlockSnapshot:
         client, at = self._connected(), self.standing
         content = at.read(client)
-        told = self._simulator_status(client)
-        seen = self.clock.now_s() if told is None else told.intervals * told.interval_s
-        life = client.sign_of_life() if told is None else _NOTHING_TOLD
-        look = BlockSnapshot(content, at.values(content), told, seen, life)
+        status = self._simulator_status(client)
+        clock_s = self.clock.now_s() if status is None else status.intervals * status.interval_s
+        life = client.sign_of_life() if status is None else _NOTHING_TOLD
+        look = BlockSnapshot(content, at.values(content), status, clock_s, life)
         first = self._first = self._first or look
         self.moved = self.moved or content != first.content or look.is_new(first) is True
         return look
@@ -340,9 +340,9 @@ class Peer(ClosesOnExit):
     def _simulator_status(self, client: Client) -> SimulatorStatus | None:
         if self._simulated is False:
             return None
-        told = status_of_simulator(client)
-        self._simulated = told is not None
-        return told
+        status = status_of_simulator(client)
+        self._simulated = status is not None
+        return status
 
     def _connected(self) -> Client:
         if self._client is None:

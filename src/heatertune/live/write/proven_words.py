@@ -278,8 +278,8 @@ def _moves(looks: tuple[BlockSnapshot, BlockSnapshot]) -> Check:
     if second.status is not None and first.status is not None:
         new = second.is_new(first)
         return Check(name, new, "runs, a simulator" if new else "says that it runs, but no scan came")
-    told = second.is_new(first)
-    if first.content != second.content if told is None else told:
+    is_new = second.is_new(first)
+    if first.content != second.content if is_new is None else is_new:
         return Check(name, True, "the block moves")
     if runs(second):
         return Check(name, True, "says that it runs")
@@ -291,8 +291,8 @@ def call_interval(standing: BlockImage, look: BlockSnapshot, said: Declared) -> 
     found, by = said.called_every_s, "as said"
     if look.status is not None:
         found, by = look.status.interval_s, "as the simulator says"
-    if (held := standing.interval_s(look.content)) is not None:
-        found, by = held, "by its words"
+    if (interval_s := standing.interval_s(look.content)) is not None:
+        found, by = interval_s, "by its words"
     return found, by
 
 
@@ -334,24 +334,24 @@ def _mode(standing: BlockImage, look: BlockSnapshot, said: Declared) -> Check:
 
 
 def _reading(proven: ExpectedWords, standing: BlockImage, look: BlockSnapshot) -> Check:
-    seen, scale = standing.signal(look.content, "temperature"), proven.words.scaling
+    reading, scale = standing.signal(look.content, "temperature"), proven.words.scaling
     step = _COUNT * scale.span_degC / standing.controller.counts
     low, high = scale.low_degC, scale.high_degC
-    good = low <= seen <= high - step
-    return Check("reading", good, f"{seen:.4g} °C" + ("" if good else
+    good = low <= reading <= high - step
+    return Check("reading", good, f"{reading:.4g} °C" + ("" if good else
                  f"; expected {low:g} to {high - step:.4g} °C: is the sensor's wire broken?"))
 
 
 def _setpoint(proven: ExpectedWords, standing: BlockImage, look: BlockSnapshot) -> Check:
-    asked, found = proven.setpoints_degC, standing.signal(look.content, "setpoint")
+    setpoints, found = proven.setpoints_degC, standing.signal(look.content, "setpoint")
     around = proven.tolerance_degC
-    low, high = min(asked) - around, max(asked) + around
+    low, high = min(setpoints) - around, max(setpoints) + around
     if proven.words.ramp is not None:  # it is led there from the reading
         ambient = proven.ambient_degC
         low, high = min(low, ambient), max(high, ambient)
     good = low <= found <= high
     return Check("setpoint", good, f"{found:.4g} °C" + ("" if good else
-                 f"; proven from {min(asked):.4g} to {max(asked):.4g} °C"))
+                 f"; proven from {min(setpoints):.4g} to {max(setpoints):.4g} °C"))
 
 
 def refusal_reason(checks: list[Check]) -> str:

@@ -124,8 +124,8 @@ def stands(before: Values, after: Values, values: Values, names: list[str]) -> t
             return outcome, f"the words stand there as {kind}"
     sentences = {"written": "{} as written", "before": "{} as before", "other": "by somebody else: {}",
                  "none": "{}: no number is read"}
-    told = "; ".join(sentences[kind].format(", ".join(which)) for kind, which in kinds.items() if which)
-    return WriteOutcome.UNKNOWN if kinds["none"] else WriteOutcome.PARTLY, told
+    sentence = "; ".join(sentences[kind].format(", ".join(which)) for kind, which in kinds.items() if which)
+    return WriteOutcome.UNKNOWN if kinds["none"] else WriteOutcome.PARTLY, sentence
 
 
 def record_outcome(lines: Lines, look: BlockSnapshot) -> str:
@@ -232,9 +232,9 @@ def rolled_back(
             raise InputError(f"what would be put back is not proven: {why}; --unproven puts it back all the same")
         record.write_line("rollback", stands=dict(now.stands or {}), message=now.message)
         parts = [WayBackPart(part.start, part.before, {part.after}) for part in before.parts]
-        begun = hold.resume()
+        start = hold.resume()
         hold.open(replace(new_way_back("rollback", before.address, before.image.number, parts,
-                                       before.lines.path.absolute()), sent_s=None if begun is None else begun.sent_s))
+                                       before.lines.path.absolute()), sent_s=None if start is None else start.sent_s))
         writer = Writer(peer, hold, record, budget)
         ended = writer.restore(before.parts, before.before, before.after, "restored as requested", before.doubtful)
         if ended.outcome in (WriteOutcome.ROLLED_BACK, WriteOutcome.NOT_DONE) and _is_before(before, ended):
@@ -354,16 +354,16 @@ def _passages(before: Before, words: Words) -> list[Passage]:
         if any(step["step"] == "end" for step in group[:-1]):
             late = f"step {group[-1]['step']!r} of {group[-1].get('at')}"
             raise DocumentError(f"{before.lines.path}: {late}: comes after the end")
-    made = [_passage(before, words, group) for group in groups]
+    passages = [_passage(before, words, group) for group in groups]
     for number, group in enumerate(groups[1:]):
-        if made[number].ended is None:  # nobody asked what became of it until it was taken back
+        if passages[number].ended is None:  # nobody asked what became of it until it was taken back
             back = _read(before, _Begin, group[0])
-            made[number] = replace(made[number], message=back.message, left=back.stands or None,
-                                   quantities=_quantities(words, made[number].as_found, back.stands or None))
+            passages[number] = replace(passages[number], message=back.message, left=back.stands or None,
+                                       quantities=_quantities(words, passages[number].as_found, back.stands or None))
     if before.lines.torn:
         torn = "The last line of the record is torn, as a kill leaves it, and was left out."
-        made[-1] = replace(made[-1], notes=(*made[-1].notes, torn))
-    return made
+        passages[-1] = replace(passages[-1], notes=(*passages[-1].notes, torn))
+    return passages
 
 
 def _passage(before: Before, words: Words, steps: Sequence[Step]) -> Passage:
@@ -435,10 +435,10 @@ def _watch(before: Before, steps: Sequence[Step]) -> Watch | None:
     if not rows:
         return None
     columns = np.array(rows)
-    _, seen, low, high, _ = columns.T
+    _, readings, low, high, _ = columns.T
     kept = np.zeros(len(rows), dtype=bool)
     kept[np.linspace(0, len(rows) - 1, min(len(rows), _DRAWN)).astype(int)] = True
-    kept |= (seen < low) | (seen > high)
-    kept[[int(np.argmin(seen)), int(np.argmax(seen))]] = True
-    time_s, seen, low, high, asked = map(tuple, columns[kept].T.tolist())
-    return Watch(time_s=time_s, temperature_degC=seen, low_degC=low, high_degC=high, setpoint_degC=asked)
+    kept |= (readings < low) | (readings > high)
+    kept[[int(np.argmin(readings)), int(np.argmax(readings))]] = True
+    time_s, readings, low, high, setpoint_degC = map(tuple, columns[kept].T.tolist())
+    return Watch(time_s=time_s, temperature_degC=readings, low_degC=low, high_degC=high, setpoint_degC=setpoint_degC)

@@ -404,20 +404,20 @@ class Writer:
                             f"{why}; {', '.join(left)} stand there as written and could not be taken "
                          f"back: {'; '.join(problems) or 'somebody has written them again'}", look.values)
         if changed := change.settle(look.values):
-            told = ", ".join(f"{name} is {value:g}, not {change.before[name]:g}" for name, value in changed.items())
+            rest = ", ".join(f"{name} is {value:g}, not {change.before[name]:g}" for name, value in changed.items())
             self._noted("in doubt", words=changed)
             put_back = "put back, but " if change.tried else ""
-            return WriteEnd(WriteOutcome.PARTLY, f"{why}; {put_back}{told}: the device keeps it in place of what was "
+            return WriteEnd(WriteOutcome.PARTLY, f"{why}; {put_back}{rest}: the device keeps it in place of what was "
                             "sent, or somebody else has written it", look.values)
         if change.stored:  # what stands there from now on is another's
             self._noted("in doubt", words={})
         others = self._unlike(look.values, change.before)
-        seen = f"; besides, somebody has changed the words: {others}" if others else ""
+        note = f"; besides, somebody has changed the words: {others}" if others else ""
         if not change.pending:
             self._hold.note_stored()
         if not change.tried:
-            return WriteEnd(WriteOutcome.NOT_DONE, f"{why}; nothing that was written stands there{seen}", look.values)
-        return WriteEnd(WriteOutcome.ROLLED_BACK, f"{why}; what was written is taken back{seen}", look.values)
+            return WriteEnd(WriteOutcome.NOT_DONE, f"{why}; nothing that was written stands there{note}", look.values)
+        return WriteEnd(WriteOutcome.ROLLED_BACK, f"{why}; what was written is taken back{note}", look.values)
 
     def _put_back(self, part: WritePart, change: _Change, problems: list[str]) -> bool:
         """Put back the words of a part that stand there as written; return whether they are, as far as that is known.
