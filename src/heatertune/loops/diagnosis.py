@@ -137,8 +137,8 @@ def day(course: RegularLog, model: HeaterModel, controller: Controller, scan_s: 
     ends = np.append(course.time_s, course.time_s[-1] + step)
     power = np.diff(np.interp(np.append(time, time[-1] + h), ends, energy)) / h
     measured = np.interp(time, course.time_s, course.temperature_degC)
-    held = np.clip(np.searchsorted(course.time_s, time + 1e-9 * h, side="right") - 1, 0, None)
-    setpoint = course.setpoint_degC[held]
+    rows = np.clip(np.searchsorted(course.time_s, time + 1e-9 * h, side="right") - 1, 0, None)
+    setpoint = course.setpoint_degC[rows]
     warm = abs(float(course.error_degC[0])) <= _WARM * course.least_degC
     was = _Plant(model, h, float(course.power_pct[0]) if warm else 0.0)
     rest = measured - np.array([was.share, *(was.step(each) for each in power[:-1].tolist())])
@@ -159,9 +159,9 @@ def _relived(
                 break
             plant.step(controller(plant.share + quiet, now))
     temperatures, share = [], plant.share
-    for other, asked in zip(rest.tolist(), setpoint.tolist(), strict=True):
+    for other, setpoint_degC in zip(rest.tolist(), setpoint.tolist(), strict=True):
         temperatures.append(share + other)
-        share = plant.step(controller(share + other, asked))
+        share = plant.step(controller(share + other, setpoint_degC))
     return np.array(temperatures)
 
 
@@ -446,11 +446,11 @@ def _drift(
 
 def _moved(name: str, most: float, was: float, is_: float) -> LoopFault:
     """Return by how much a parameter moved, in excess of what two fits differ by; 0: it is not known in one of them."""
-    known = was > 0.0 and is_ > 0.0
+    has_both = was > 0.0 and is_ > 0.0
     return LoopFault(
-        cause=Cause.DRIFTED, excess=abs(math.log(is_ / was)) / math.log1p(most) if known else 0.0,
+        cause=Cause.DRIFTED, excess=abs(math.log(is_ / was)) / math.log1p(most) if has_both else 0.0,
         message=f"{name.replace('_', ' ')} {was:.3g} → {is_:.3g} since the words were made "
-                f"({100.0 * (is_ / was - 1.0) if known else 0.0:+.0f} %)")
+                f"({100.0 * (is_ / was - 1.0) if has_both else 0.0:+.0f} %)")
 
 
 def _error(diagnosis: Diagnosis) -> Iterator[LoopFault]:

@@ -170,14 +170,14 @@ def reconstruct_power(log: Log, switch: DutySwitch, period_s: float | None) -> L
     assert log.power_pct is not None
     power = log.power_pct
     if switch.ticks is not None:
-        asked = power * (switch.ticks / 100.0)
-        power = (np.floor(asked + 1e-9) if switch.down else np.round(asked)) * (100.0 / switch.ticks)
+        ticks = power * (switch.ticks / 100.0)
+        power = (np.floor(ticks + 1e-9) if switch.down else np.round(ticks)) * (100.0 / switch.ticks)
     if switch.phase_s is not None:
         assert period_s is not None
         first, last = float(log.time_s[0]), float(log.time_s[-1])
         begins = np.arange(first + switch.phase_s - period_s, last + 2.0 * period_s, period_s)
-        taken = power[np.maximum(np.searchsorted(log.time_s, begins + 1e-9 * period_s, side="right") - 1, 0)]
-        energy = np.concatenate([[0.0], np.cumsum(taken[:-1]) * period_s])
+        levels = power[np.maximum(np.searchsorted(log.time_s, begins + 1e-9 * period_s, side="right") - 1, 0)]
+        energy = np.concatenate([[0.0], np.cumsum(levels[:-1]) * period_s])
         ends = np.append(log.time_s, 2.0 * last - log.time_s[-2])
         power = np.diff(np.interp(ends, begins, energy)) / np.diff(ends)
     return log.with_rows(power_pct=np.clip(power, -100.0 * log.cooling_gain, 100.0))
@@ -207,16 +207,16 @@ def with_duty(log: Log, period_s: float) -> Log:
     if np.count_nonzero(between) < _BY_LAW:
         return log
     error = log.setpoint_degC - log.temperature_degC
-    seen = error[np.maximum(np.searchsorted(time, begins + 1e-9 * period_s, side="right") - 1, 0)]
+    sampled_error = error[np.maximum(np.searchsorted(time, begins + 1e-9 * period_s, side="right") - 1, 0)]
     mean = np.diff(_energy(time, error, np.append(begins, begins[-1] + period_s)))
     summed = np.concatenate([[0.0], np.cumsum(np.where(between, mean, 0.0))[:-1]])
-    law = np.column_stack([seen, summed, np.ones(len(begins))])
-    told = np.clip(law @ np.linalg.lstsq(law[between], duty[between], rcond=None)[0], 0.0, 100.0)
+    law = np.column_stack([sampled_error, summed, np.ones(len(begins))])
+    model_duty = np.clip(law @ np.linalg.lstsq(law[between], duty[between], rcond=None)[0], 0.0, 100.0)
     row = 100.0 * float(np.median(np.diff(time))) / period_s
-    if float(np.sqrt(np.mean((told - duty)[between] ** 2))) > _OFF * row:
+    if float(np.sqrt(np.mean((model_duty - duty)[between] ** 2))) > _OFF * row:
         return log
     rows = np.maximum(np.searchsorted(begins, time + 1e-9 * period_s, side="right") - 1, 0)
-    return log.with_rows(power_pct=np.where(between, told, np.clip(duty, -100.0 * log.cooling_gain, 100.0))[rows])
+    return log.with_rows(power_pct=np.where(between, model_duty, np.clip(duty, -100.0 * log.cooling_gain, 100.0))[rows])
 
 
 def _energy(time: Array, values: Array, at: Array) -> Array:
@@ -473,9 +473,9 @@ def _most_dead_time_s(course: PowerCourse, fit: _LoadFit, wait_s: float) -> floa
     """
     best = _refined(course, fit.lag, 0.0, fit.delay + fit.ratio * fit.lag, fit.instants)
     for times in _LONGER:
-        held = times * best.delay + wait_s
-        if _refined(course, best.lag, 0.0, held, best.instants, fixed=True).bic > best.bic + _RULED_OUT:
-            return held
+        dead_time_s = times * best.delay + wait_s
+        if _refined(course, best.lag, 0.0, dead_time_s, best.instants, fixed=True).bic > best.bic + _RULED_OUT:
+            return dead_time_s
     return None
 
 
