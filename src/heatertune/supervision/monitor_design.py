@@ -310,13 +310,13 @@ def design(bench: Bench, checked: int = 300, *, seed: int = 0, progress: Progres
     margin, tripped = _MARGIN, 0
     windows_of = _chosen(bench, numbers, runs[:_FEW], broken, margin)
     for batch in range(_BATCHES):
-        made = _with_windows(bench, numbers, runs, windows_of, margin)
+        monitor = _with_windows(bench, numbers, runs, windows_of, margin)
         progress(f"trying it on {checked} other heaters ({batch + 1} of {_BATCHES})")
         seeds = range(seed + FRESH + batch * checked, seed + FRESH + (batch + 1) * checked)
-        trips = threaded_list(partial(_trips, bench, made), list(map(family.member, seeds)))
+        trips = threaded_list(partial(_trips, bench, monitor), list(map(family.member, seeds)))
         caught = [one for one in trips if one is not None]
         if not caught:
-            return MonitorDesign(numbers=made, checked=checked, tripped=tripped, off=off)
+            return MonitorDesign(numbers=monitor, checked=checked, tripped=tripped, off=off)
         tripped += len(caught)
         runs += caught
         margin *= _WIDER

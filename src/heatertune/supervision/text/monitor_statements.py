@@ -112,8 +112,8 @@ def _each_call(numbers: Numbers) -> Iterator[Group]:
             + if_("Jump > 0", "Moving := 0", "Moved_For := 0", "Held := Power")
             + if_(f"Moved_For > {moved_for}", f"Alarm := {_alarm('frozen')}")))
     yield Group("implausible rate", if_(f"Jump > {numbers.jump}", f"Alarm := {_alarm('implausible rate')}"))
-    gone = f"Alarm := {_alarm('sensor gone')}"
-    yield Group("sensor gone", if_(f"Reading < {numbers.low}", gone) + if_(f"Reading > {numbers.high}", gone))
+    alarm = f"Alarm := {_alarm('sensor gone')}"
+    yield Group("sensor gone", if_(f"Reading < {numbers.low}", alarm) + if_(f"Reading > {numbers.high}", alarm))
     yield Group("sums of this block; the first alarm is kept", (
         "Level := Level + Reading;\nAsked := Asked + Power;\nIn_Block := In_Block + 1;\n"
         + if_("Told = 0", "Told := Alarm")))
@@ -199,9 +199,9 @@ def check_reach(numbers: Numbers, highest: int, bits: int) -> None:
     """
     window, level = max(numbers.slow_blocks, numbers.fast_blocks), numbers.block * highest
     powers = 100 * numbers.block * window
-    held = {"the sum of a block's readings": level, "the sum of a window's powers": powers} | {
+    sums = {"the sum of a block's readings": level, "the sum of a window's powers": powers} | {
         name: abs(value) for name, value in numbers._asdict().items() if not name.endswith("_rest")}
-    for name, value in held.items():
+    for name, value in sums.items():
         if value >= 1 << bits - 1:
             raise InputError(f"no program: {name} may be {value}, which {bits} bits do not hold")
     for of in ("slow", "fast"):
