@@ -202,8 +202,8 @@ def _log(value: Log) -> str:
     rows = [("readings", str(len(value.time_s)), ""), ("duration", figure(float(np.ptp(value.time_s))), "s"),
             _span("temperature", value.temperature_degC, "°C"), _span("heater power", value.power_pct, "%"),
             _span("setpoint", value.setpoint_degC, "°C")]
-    taken = [] if value.taken is None else [value.taken.line]
-    remarks = [*taken, *value.repairs, *value.warnings]
+    summary = [] if value.taken is None else [value.taken.line]
+    remarks = [*summary, *value.repairs, *value.warnings]
     count = f"<summary>{len(remarks)} notes of the reader</summary>"
     notes = f"<details>{count}{bullets(remarks)}</details>" if remarks else ""
     return _card(f"log {value.name}", table(["", "", "unit"], rows, numeric=(1,)), _picture(value), notes)

@@ -73,9 +73,9 @@ def labelled_lines(parts: Mapping[str, Sequence[str]], most: int) -> list[str]:
     width = max(map(len, kept), default=0) + len(_GAP)
 
     def lines(most_each: int | None = None) -> list[str]:
-        told = {label: "; ".join([*of, *([f"and {left[label]} more"] if left[label] else [])])
-                for label, of in kept.items()}
-        return [line for label, text in told.items() for line in wrap_text(text, f"{label:<{width}}", most_each)]
+        texts = {label: "; ".join([*of, *([f"and {left[label]} more"] if left[label] else [])])
+                 for label, of in kept.items()}
+        return [line for label, text in texts.items() for line in wrap_text(text, f"{label:<{width}}", most_each)]
 
     while len(lines()) > most and any(len(of) > 1 for of in kept.values()):
         longest = max(kept, key=lambda label: (len(kept[label]) > 1, sum(map(len, kept[label]))))
