@@ -97,8 +97,8 @@ def preview(log: Log, window: tuple[float, float] | None = None) -> str:
     power_s, power = (time, None) if signal is None else signal.until(float(time[-1]))
     low, high = float(temperature.min()), float(temperature.max())
     below = 0 if power is None else _LOW + _EDGE
-    said = (f"Temperature from {low:.4g} to {high:.4g} °C in {time[-1] - time[0]:.4g} s"
-            + ("" if power is None else f", power from {power.min():.4g} to {power.max():.4g} %"))
+    caption = (f"Temperature from {low:.4g} to {high:.4g} °C in {time[-1] - time[0]:.4g} s"
+               + ("" if power is None else f", power from {power.min():.4g} to {power.max():.4g} %"))
     lines = _path(time, temperature, (low, high), (_EDGE, _HIGH), "temperature")
     if power is not None:
         lines += _path(power_s, power, (0.0, 100.0), (_HIGH + _EDGE, _HIGH + _EDGE + _LOW), "power", fixed=True)
@@ -107,8 +107,8 @@ def preview(log: Log, window: tuple[float, float] | None = None) -> str:
     shades = "".join(f'<rect class="outside" x="{x:.1f}" y="0" width="{max(wide, 0.0):.1f}" height="{high_px}"/>'
                      for x, wide in ((0.0, begin), (end, _WIDE - end)))
     return (f'<figure class="preview"><svg viewBox="0 0 {_WIDE} {high_px}" role="img" data-first="{first:g}" '
-            f'data-last="{last:g}" aria-label="{text_of(said)}">{lines}{shades}</svg>'
-            f"<figcaption>{text_of(said)}</figcaption></figure>")
+            f'data-last="{last:g}" aria-label="{text_of(caption)}">{lines}{shades}</svg>'
+            f"<figcaption>{text_of(caption)}</figcaption></figure>")
 
 
 def _path(
@@ -135,8 +135,8 @@ def live_charts(trace: RecordedTrace) -> tuple[Options, Options | None]:
 
     lines = [line("temperature", trace.temperature_degC, "log")]
     if np.isfinite(trace.setpoint_degC).all():
-        asked = line("setpoint", trace.setpoint_degC, "limit") | {"step": "end"}
-        lines.append(_named(asked, "limit", lower=-1))
+        setpoint = line("setpoint", trace.setpoint_degC, "limit") | {"step": "end"}
+        lines.append(_named(setpoint, "limit", lower=-1))
     power = line_chart("time [s]", "power [%]", [line("power", trace.power_pct, "log")])
     power["yAxis"] |= {"min": 0 if np.min(trace.power_pct) >= 0.0 else -100, "max": 100}
     return line_chart("time [s]", "temperature [°C]", lines), power if np.isfinite(trace.power_pct).all() else None
@@ -216,10 +216,10 @@ def loop_chart(
     room = 0.06 * (high - low)
     words["markArea"] = _walls(picture, low - room, high + room)
     words["markLine"] = _setpoint_and_parts(picture)
-    asked = step_corners(nominal.time_s, nominal.power_asked_pct)
-    kept = downsample(picture.place(asked[0]), asked[1], detail.pixels)
-    share = detail.within_pct / max(float(np.ptp(asked[1])), detail.within_pct)
-    power = _over(picture, "requested power", (asked[0][kept], asked[1][kept]), "realised", share)
+    request = step_corners(nominal.time_s, nominal.power_asked_pct)
+    kept = downsample(picture.place(request[0]), request[1], detail.pixels)
+    share = detail.within_pct / max(float(np.ptp(request[1])), detail.within_pct)
+    power = _over(picture, "requested power", (request[0][kept], request[1][kept]), "realised", share)
     crowd = [_crowd(picture)] if picture.crowd else []
     second = {"xAxisIndex": 1, "yAxisIndex": 1}
     options = _two_grids([*crowd, *lines, power | second], picture, end_s=float(nominal.time_s[-1]))
@@ -341,17 +341,17 @@ def _instants(picture: Picture, end_s: float) -> list[float]:
     decade = 10.0 ** math.floor(math.log10(least))
     step = next(times * decade for times in (1.0, 2.0, 5.0, 10.0) if times * decade >= least)
     instants = np.arange(0.0, end_s, step)
-    seen = np.all([(instants <= begin) | (instants >= end) for begin, end in picture.torn], axis=0)
-    return [float(instant) for instant in instants[seen]]
+    is_visible = np.all([(instants <= begin) | (instants >= end) for begin, end in picture.torn], axis=0)
+    return [float(instant) for instant in instants[is_visible]]
 
 
 def _two_grids(lines: Sequence[Options], picture: Picture, *, end_s: float) -> Options:
     """Return temperature above power, with one crosshair and one zoom over both."""
     upper = line_chart("time [s]", "temperature [°C]", lines)
-    named = {"customValues": np.round(picture.place(_instants(picture, end_s)), 1).tolist()}
+    ticks = {"customValues": np.round(picture.place(_instants(picture, end_s)), 1).tolist()}
     axis_x = upper["xAxis"] | {"min": 0, "max": round(float(picture.place(end_s)), 1), "splitLine": {"show": False},
-                               "axisTick": named}
-    axis_x["axisLabel"] = axis_x["axisLabel"] | named | {":formatter": _instant_of(picture)}
+                               "axisTick": ticks}
+    axis_x["axisLabel"] = axis_x["axisLabel"] | ticks | {":formatter": _instant_of(picture)}
     axis_y, pointed = upper["yAxis"], f"p => ({_instant_of(picture)})(p.value) + ' s'"
     left, right = 52, 14
     return upper | {
@@ -374,8 +374,8 @@ def _two_grids(lines: Sequence[Options], picture: Picture, *, end_s: float) -> O
 
 def _instant_of(picture: Picture) -> str:
     """Return the browser's function: place on the axis → instant [s], as text."""
-    gone = [[round(float(picture.place(begin)), 1), round(end - begin, 1)] for begin, end in picture.torn]
-    return f"v => String(Math.round({json.dumps(gone)}.reduce((t, [at, lost]) => v > at ? t + lost : t, v)))"
+    gaps = [[round(float(picture.place(begin)), 1), round(end - begin, 1)] for begin, end in picture.torn]
+    return f"v => String(Math.round({json.dumps(gaps)}.reduce((t, [at, lost]) => v > at ? t + lost : t, v)))"
 
 
 def _named(line: Options, look: str, lower: int = 0) -> Options:

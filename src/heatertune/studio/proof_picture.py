@@ -204,18 +204,18 @@ def picture_of(proof: Proof, before_run: Callable[[], object] = bool, *, crowd: 
         crowd: whether all runs are drawn, not the nominal and the worst alone.
     """
     lines: dict[bytes, Line] = {}
-    gone, runs = torn(proof), len(proof.runs) if crowd else 1
+    gaps, runs = torn(proof), len(proof.runs) if crowd else 1
     for run in range(runs if runs > 1 else 0):
         before_run()
         time, temperature = course_of(proof.trace(run), proof, _PIXELS_BEHIND)
-        kept = straight(_place(time, gone), temperature, _WITHIN * float(np.ptp(temperature)))
+        kept = straight(_place(time, gaps), temperature, _WITHIN * float(np.ptp(temperature)))
         line = np.round(time[kept]).astype(np.intp), np.round(temperature[kept], 1)
         lines[line[0].tobytes() + line[1].tobytes()] = line
     run = proof.worst_run
     worst = None if run == 0 else (proof.runs[run].label, course_of(proof.worst, proof))
     fails = worst is not None and proof.verdict == "FAIL"
     return Picture(crowd=tuple(lines.values()), runs=runs, worst=worst, walls=tuple(walls_of(proof, run)),
-                   parts=tuple(parts_of(proof.nominal, proof)), torn=gone, fails=fails)
+                   parts=tuple(parts_of(proof.nominal, proof)), torn=gaps, fails=fails)
 
 
 def course_of(trace: Trace, proof: Proof, pixels: int = _PIXELS, *, coarse: bool = False) -> Line:
@@ -232,10 +232,10 @@ def course_of(trace: Trace, proof: Proof, pixels: int = _PIXELS, *, coarse: bool
     places = np.searchsorted(time, jumps)
     time = np.insert(time, places, jumps)
     temperature = np.insert(temperature, places, trace.temperature_at(jumps, before=True))
-    gone = torn(proof)
-    seen = np.all([(time <= begin) | (time >= end) for begin, end in gone], axis=0)
-    time, temperature = time[seen], temperature[seen]
-    kept = downsample(_place(time, gone), temperature, pixels)
+    gaps = torn(proof)
+    is_visible = np.all([(time <= begin) | (time >= end) for begin, end in gaps], axis=0)
+    time, temperature = time[is_visible], temperature[is_visible]
+    kept = downsample(_place(time, gaps), temperature, pixels)
     return time[kept], temperature[kept]
 
 
@@ -274,16 +274,16 @@ def walls_of(proof: Proof, run: int) -> Iterator[Wall]:
             limits.recovery_s if phase.kind == "recovery" else None)
         in_s = min(phase.begin_s + (phase.limit_s if settles is None else settles), phase.end_s)
         up = rises != (phase.kind == "recovery")
-        asked = phase.setpoint_degC
-        change = abs(asked - before) if phase.kind == "small-change" else step
-        before = asked
+        setpoint_degC = phase.setpoint_degC
+        change = abs(setpoint_degC - before) if phase.kind == "small-change" else step
+        before = setpoint_degC
         if beyond := [*_beyond(proof, phase, change)]:
-            yield _side(phase.begin_s, phase.end_s, asked, min(beyond), up=up, name="overshoot")
+            yield _side(phase.begin_s, phase.end_s, setpoint_degC, min(beyond), up=up, name="overshoot")
         if phase.kind == "recovery" and limits.deviation_degC is not None:
-            yield _side(phase.begin_s, phase.end_s, asked, limits.deviation_degC, up=not up, name="deviation")
+            yield _side(phase.begin_s, phase.end_s, setpoint_degC, limits.deviation_degC, up=not up, name="deviation")
         if in_s < phase.end_s:
             for side in (True, False):
-                yield _side(in_s, phase.end_s, asked, band, up=side, name="settled")
+                yield _side(in_s, phase.end_s, setpoint_degC, band, up=side, name="settled")
 
 
 def _beyond(proof: Proof, phase: Phase, step: float) -> Iterator[float]:

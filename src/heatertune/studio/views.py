@@ -202,9 +202,9 @@ def in_words(picture: Picture, runs: int) -> str:
              figure(part.highest_degC), figure(part.lowest_degC),
              "never" if part.within_s is None else f"in {duration_text(part.within_s - part.begin_s)}"]
             for number, part in enumerate(picture.parts, 1)]
-    told = f"The nominal run of {runs}" if runs > 1 else "The nominal run"
+    subject = f"The nominal run of {runs}" if runs > 1 else "The nominal run"
     heads = ("part", "from", "asked", "most", "least", "settled")
-    return f"<p>{told}, part by part; temperatures in °C:</p>" + table(heads, rows, numeric=(2, 3, 4))
+    return f"<p>{subject}, part by part; temperatures in °C:</p>" + table(heads, rows, numeric=(2, 3, 4))
 
 
 def proving_text(done: str) -> str:
@@ -214,9 +214,9 @@ def proving_text(done: str) -> str:
 
 def notes(look: LoopView) -> str:
     """Return how the gains and the words were found and how the loop is switched, as HTML."""
-    held = look.gains.words
+    words = look.gains.words
     settings, actuator = look.settings, look.proof.actuator
-    own = controller_for(held.target).timing(held).pwm_period_s is not None
+    own = controller_for(words.target).timing(words).pwm_period_s is not None
     sentences = [
         f"Gains: {look.gains.design.method}.",
         *look.gains.notes,
