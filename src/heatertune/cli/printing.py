@@ -212,9 +212,9 @@ def tell_taken(settings: argparse.Namespace, logs: Iterable[Log], progress: Prog
         if getattr(settings, "verbose", True):
             for note in (*log.repairs, *log.warnings):
                 progress.note(f"- {note}")
-        elif told := [f"{count(len(notes), noun)}" for notes, noun in (
+        elif counts := [f"{count(len(notes), noun)}" for notes, noun in (
                 (log.repairs, "repair"), (log.warnings, "doubt")) if notes]:
-            progress.note(f"[log] {log.name}: {' and '.join(told)} (heatertune read tells which)")
+            progress.note(f"[log] {log.name}: {' and '.join(counts)} (heatertune read tells which)")
 
 
 def _unit_lines(settings: argparse.Namespace, taken: ReadSummary) -> list[str]:

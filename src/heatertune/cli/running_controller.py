@@ -56,10 +56,10 @@ def _run_diff(settings: argparse.Namespace) -> int:
     if settings.called_every is not None:
         check("--called-every", settings.called_every, above=0.0)
     sensor = options.provided_options(SensorSettings, settings)
-    given = DeclaredWords(target=settings.target, sample_time_s=settings.called_every,
-                          sensor_degC=sensor.get("range_degC"),
+    declaration = DeclaredWords(target=settings.target, sample_time_s=settings.called_every,
+                                sensor_degC=sensor.get("range_degC"),
                   input=sensor.get("input"), switches=options.of(Conditions, settings).switches)
-    document = difference(*read_sides(settings.before, settings.after, given))
+    document = difference(*read_sides(settings.before, settings.after, declaration))
     printing.output(settings, document, lambda: report.difference_lines(document))
     return 0 if document["same"] else 1
 
@@ -189,8 +189,8 @@ def _run_decode(settings: argparse.Namespace) -> int:
         printing.Progress(settings)("proving the parameters")
         proven = chain.prove(words, fitted, common.conditions(settings))
         if assumed:
-            heard = proven.diagnostics
-            proven = replace(proven, diagnostics=replace(heard, remarks=(*heard.remarks, condition)))
+            diagnostics = proven.diagnostics
+            proven = replace(proven, diagnostics=replace(diagnostics, remarks=(*diagnostics.remarks, condition)))
         document["proof"] = proven.to_document()
     proof = document["proof"]
 
