@@ -124,9 +124,9 @@ def health(
             `heatertune.batch.engine`.
     """
     folder, names = find_logs(logs)
-    told, beside = _listed(loops)
+    names_or_table, documents = _listed(loops)
     earlier = {} if since is None else {row["name"]: row for row in read_rows(Path(since))}
-    cases = [_with_documents(loop, beside, earlier.get(loop.name)) for loop in list_loops(names, told)]
+    cases = [_with_documents(loop, documents, earlier.get(loop.name)) for loop in list_loops(names, names_or_table)]
     batch = CaseBatch(
         do=_examined, common=settings, cases=cases, sent=partial(_sent, folder), lost=_lost, columns=_COLUMNS,
         identity={"asked": repr(settings.request), "read": repr(settings.read), "logs": hashlib.sha256(
@@ -201,9 +201,9 @@ def _examined(settings: HealthSettings, sent: HealthTask) -> Row:
         log = read_log(loop.file, settings.read, content=sent.content)
         row["log_taken"] = None if log.taken is None else log.taken.line
         with cache.cache_disabled():
-            told = diagnose(_powered(log, loop, words), loop, *_before(sent.model))
-            cure = cure_words(told, loop, _cure_request(settings.request, loop, words))
-        return row | _diagnosis_row(told) | ({} if cure is None else _cure(cure))
+            diagnosis = diagnose(_powered(log, loop, words), loop, *_before(sent.model))
+            cure = cure_words(diagnosis, loop, _cure_request(settings.request, loop, words))
+        return row | _diagnosis_row(diagnosis) | ({} if cure is None else _cure(cure))
     except HeatertuneError as problem:
         return row | {"outcome": "no log", "reason": str(problem)}
     except Exception as problem:  # one loop must not stop the others, whatever is wrong in the program
