@@ -109,8 +109,8 @@ def as_left_in(
         InputError, OutOfRange: as `heatertune.proof.as_left.as_left`.
         DocumentError: a document is incomplete.
     """
-    held, folder = documents["words"], data_folder(directory)
-    words = words_of(held, held["target"], folder / "words.json")
+    words_document, folder = documents["words"], data_folder(directory)
+    words = words_of(words_document, words_document["target"], folder / "words.json")
     proof = decode(ProofView, dict(documents["proof"]), folder / "proof.json")
     return as_left(log, words, from_document(documents["model"]), proof, settings, progress=progress)
 
@@ -171,7 +171,7 @@ def feed_forward(
         ExportRefused: the parameters themselves are not proven, and `force` is not set.
         NotRepresentable, OutOfRange: the input cannot hold the line.
     """
-    asked, folder = merge_options(FeedForwardSettings, settings, {}), data_folder(directory)
+    options, folder = merge_options(FeedForwardSettings, settings, {}), data_folder(directory)
     demand_one_design(folder, "design again")
     effect = _effect(folder)
     document = check_document(read_document(folder / "proof.json", PROOF_SCHEMA), folder / "proof.json")
@@ -182,9 +182,9 @@ def feed_forward(
     if feed is None:
         raise InputError(f"{words.target} has no input for a measured disturbance (see: heatertune targets)")
     proven = certificate(document, force=force)
-    low, high = asked.disturbance_range or (effect.calm, effect.strong)
+    low, high = options.disturbance_range or (effect.calm, effect.strong)
     line = line_for(feed, column=effect.column, pct_per_unit=effect.pct_per_unit, calm=effect.calm, low=low, high=high,
-                    switched=asked.contact)
+                    switched=options.contact)
     loop = PlainLoop(setpoint_degC=plain.scenario.setpoint_degC, actuator=plain.actuator, limits=plain.limits,
                      noise_degC=plain.scenario.noise_degC, stated_settings=plain.stated_settings)
     models = holding_heaters(read_model(folder / "model.json"), loop.setpoint_degC)
@@ -364,8 +364,8 @@ def _requested(request: DesignRequest | None, keywords: Keywords) -> DesignReque
 def _of_its_heater(request: DesignRequest, log: Log) -> DesignRequest:
     """Return the request with the heater of a printer that the log is of, stated (`--tag`) or the one that was read."""
     names = () if log.taken is None else names_of(log.taken.reading)
-    known = with_heater(request.conditions.switches, request.target, names)
-    return replace(request, conditions=replace(request.conditions, switches=known))
+    switches = with_heater(request.conditions.switches, request.target, names)
+    return replace(request, conditions=replace(request.conditions, switches=switches))
 
 
 def _shown(
@@ -485,8 +485,8 @@ def redraw(
         documents["as_left"] = plain(encode(as_left_in(directory, documents, trace, about, progress)))
     if written is not None:
         documents["written"] = encode(written)
-    given = files_of(directory, documents) if (trace, record, written) != (None, None, None) else {}
-    write_files(directory, {"report.html": _page(documents), **given})
+    record_files = files_of(directory, documents) if (trace, record, written) != (None, None, None) else {}
+    write_files(directory, {"report.html": _page(documents), **record_files})
     return documents
 
 
@@ -498,8 +498,8 @@ def _write(
     moved = {f"{DATA}/{name}": content for name, content in written.items()}
     moved[f"{DATA}/{DIGEST_FILE}"] = to_json(folder_digest(documents))
     drawn = None if second is None else second.sections()
-    gone = [*written, *exported_names(data_folder(out) / "words.json")]
-    return write_files(out, {**files, "report.html": _page(documents, drawn), **moved}, gone=gone)
+    stale_files = [*written, *exported_names(data_folder(out) / "words.json")]
+    return write_files(out, {**files, "report.html": _page(documents, drawn), **moved}, gone=stale_files)
 
 
 def _page(documents: Mapping[str, Document], drawn: Mapping[str, str] | None = None) -> str:

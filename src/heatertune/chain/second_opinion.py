@@ -281,10 +281,10 @@ def problem(
         UnknownName, OutOfRange: as `tune`.
     """
     model = fitted_model_of(fitted)
-    asked = merge_options(TuneSettings, settings, changed)
+    options = merge_options(TuneSettings, settings, changed)
     if cools(model):
         raise InputError("a cooler is tuned as its mirror image: state its gain as positive")
-    if asked.method != "optimum":
-        raise InputError(f"{asked.method} is a rule, which has no program: leave method out")
-    design = tune_model(model, asked)
-    return nonlinear_program(stated_problem(model, asked, design.sample_time_s), design)
+    if options.method != "optimum":
+        raise InputError(f"{options.method} is a rule, which has no program: leave method out")
+    design = tune_model(model, options)
+    return nonlinear_program(stated_problem(model, options, design.sample_time_s), design)
