@@ -105,14 +105,14 @@ def worth_compiling(
     if decided is not None:
         return decided
     _scans_asked[work] += scans
-    asked = _scans_asked[work] + ahead
+    total = _scans_asked[work] + ahead
     most = _PLAIN_SCANS if most_plain is None else most_plain
     kept = _PLAIN_SCANS_READY if "llvmlite.binding" in sys.modules else _PLAIN_SCANS_KEPT
-    if kept < asked <= most and function is not None and work not in _looked_for:
+    if kept < total <= most and function is not None and work not in _looked_for:
         _looked_for.add(work)
         if has_machine_code(function):
-            _scans_asked[work] = asked = most + 1
-    return asked > most
+            _scans_asked[work] = total = most + 1
+    return total > most
 
 
 def worth_a_second(scans: int, function: Callable[..., Any], *, most: int, most_kept: int) -> bool:
@@ -272,9 +272,9 @@ class _MachineCode:
         if self._place is not None:
             with suppress(InputError):
                 write_files(self._place, {self._name(kinds): code.to_bytes()})
-        made = entry(code, kinds)
-        assert made is not None, "what the compiler just made needs nothing that is not there"
-        return made
+        entry_code = entry(code, kinds)
+        assert entry_code is not None, "what the compiler just made needs nothing that is not there"
+        return entry_code
 
     def _name(self, kinds: Kinds) -> str:
         digest = hashlib.sha256(f"{host()} {signature_text(kinds)}".encode()).hexdigest()[:16]
@@ -362,8 +362,8 @@ _digest_once = remember(_digest)
 
 
 def _constants(function: FunctionType) -> str:
-    named = {name: function.__globals__.get(name) for name in function.__code__.co_names}
-    plain = {name: value for name, value in named.items() if isinstance(value, int | float | complex | str | tuple)}
+    by_name = {name: function.__globals__.get(name) for name in function.__code__.co_names}
+    plain = {name: value for name, value in by_name.items() if isinstance(value, int | float | complex | str | tuple)}
     return f"{function.__module__}.{function.__qualname__} {plain}\n"
 
 
@@ -381,10 +381,10 @@ def _mentioned(path: Path) -> frozenset[Path]:
 
 def _functions(function: Callable[..., Any]) -> set[FunctionType]:
     """Return a function and all plain functions that are compiled with it."""
-    ahead, seen = [function], set[FunctionType]()
+    ahead, visited = [function], set[FunctionType]()
     while ahead:
         plain = ahead.pop()
-        if isinstance(plain, FunctionType) and plain not in seen:
-            seen.add(plain)
+        if isinstance(plain, FunctionType) and plain not in visited:
+            visited.add(plain)
             ahead += [*callees(plainly(plain)).values(), plainly(plain)]
-    return seen
+    return visited

@@ -152,9 +152,9 @@ def signature_text(kinds: Kinds) -> str:
 def host() -> str:
     """Return on what machine code depends beside its source: the compiler, the processor, and what it is told."""
     loader = _loader()
-    told = [f"{name}={value}" for name, value in sorted(os.environ.items()) if name.startswith("NUMBA_")]
+    options = [f"{name}={value}" for name, value in sorted(os.environ.items()) if name.startswith("NUMBA_")]
     return " ".join([platform.system(), loader.get_process_triple(), loader.get_host_cpu_name(),
-                     loader.get_host_cpu_features().flatten(), *map(release, ("numba", "llvmlite", "numpy")), *told])
+                     loader.get_host_cpu_features().flatten(), *map(release, ("numba", "llvmlite", "numpy")), *options])
 
 
 def entry(code: Code, kinds: Kinds) -> Callable[[tuple[Any, ...]], Any] | None:
@@ -296,7 +296,7 @@ def _result(result: Result) -> tuple[Any, Callable[[Any], Any]]:
         values = (read(getattr(there, name)) for name, (_, read) in inside.items())
         return tuple(values) if class_ is None else class_(*values)
 
-    return type("Tuple", (ctypes.Structure,), {"_fields_": [(name, made) for name, (made, _) in inside.items()]}), read
+    return type("Tuple", (ctypes.Structure,), {"_fields_": [(name, kind) for name, (kind, _) in inside.items()]}), read
 
 
 def letters_of(kinds: Kinds) -> str:
