@@ -482,8 +482,8 @@ def _descend(problem: ContinuousProblem, start: Point) -> PidDesign:
 
 def _sharpened(problem: ContinuousProblem, design: PidDesign) -> PidDesign:
     """Return the optimum on the finest frequencies; on those of the search a PID's cost ends up to 5e-5 above it."""
-    begun: Point = (math.inf, *_settings(design))
-    point = _refine(problem, _EXACT, begun, 0.02, 1e-4)
+    start: Point = (math.inf, *_settings(design))
+    point = _refine(problem, _EXACT, start, 0.02, 1e-4)
     better = _finish(problem, point) if math.isfinite(point[0]) else design
     return min((design, better), key=problem.cost)
 

@@ -449,8 +449,8 @@ class NonlinearProgram:
             raise InputError(f"{field} holds {value!r}; it must be an expression of this program's symbols, a casadi.SX"
                              ) from None
         own = ca.symvar(self.unknowns)
-        known = {symbol.element_hash() for symbol in own}  # another program's symbols bear the same names
-        if free := [symbol.name() for symbol in ca.symvar(expression) if symbol.element_hash() not in known]:
+        hashes = {symbol.element_hash() for symbol in own}  # another program's symbols bear the same names
+        if free := [symbol.name() for symbol in ca.symvar(expression) if symbol.element_hash() not in hashes]:
             raise InputError(f"{field} holds the symbol {', '.join(free)}, which is not one of this program's: "
                              f"{', '.join(symbol.name() for symbol in own)}")
         return expression if field == "cost" else _not_negative(ca, expression, value)
