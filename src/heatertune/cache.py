@@ -163,9 +163,9 @@ def not_private() -> str | None:
 
 
 def _chosen_folder() -> Path | None:
-    given = os.environ.get("HEATERTUNE_CACHE")
-    if given is not None:
-        return Path(given) if given else None
+    path = os.environ.get("HEATERTUNE_CACHE")
+    if path is not None:
+        return Path(path) if path else None
     base = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA")
     try:
         return (Path(base) if base else Path.home() / ".cache") / "heatertune"
