@@ -51,17 +51,17 @@ def rows_to_keep(sheet: Sheet, columns: Columns, time: Array, repairs: list[str]
         raise cell_error(sheet, columns, "time", row, "the time goes backwards:",
                          f"not before {before}{_put_back_repeats(steps)}")
     dropped = np.flatnonzero(steps == 0) + 1
-    kept = np.ones(len(time), dtype=np.bool_)
-    kept[dropped] = False
+    selection = np.ones(len(time), dtype=np.bool_)
+    selection[dropped] = False
     if not len(dropped):
-        return kept, 0
-    firsts = np.flatnonzero(kept)[np.cumsum(kept)[dropped] - 1]
+        return selection, 0
+    firsts = np.flatnonzero(selection)[np.cumsum(selection)[dropped] - 1]
     other = _otherwise(sheet, columns, dropped, firsts)
     if other:
         _demand_one_heater(sheet, columns, dropped, firsts, other)
     note = f"{count(len(dropped), 'row')} at the time of the row before dropped ({_lines(sheet, dropped)})"
     repairs.append(f"{note}; {len(other)} of them with another reading." if other else f"{note}.")
-    return kept, len(dropped) - len(other)
+    return selection, len(dropped) - len(other)
 
 
 def _lines(sheet: Sheet, rows: npt.NDArray[np.intp], role: str = "") -> str:
@@ -253,8 +253,8 @@ def without_unset_clock(sheet: Sheet, time: Array, repairs: list[str]) -> tuple[
         return sheet, time
     repairs.append(f"{count(first, 'row')} before the clock was set left out (up to line "
                    f"{sheet.line_name(first - 1)}).")
-    kept = sheet.at_rows(slice(first, None))
-    return replace(kept, lost=kept.lost + first), time[first:] - time[first]
+    remainder = sheet.at_rows(slice(first, None))
+    return replace(remainder, lost=remainder.lost + first), time[first:] - time[first]
 
 
 _MOST_BACK: Final = 5.0  # intervals by which a row may be late in its file
@@ -367,14 +367,14 @@ def no_readings(sheet: Sheet, columns: Columns, raw: Array, time: Array, repairs
     """
     empty = np.isnan(raw) & ~edges
     is_open = _is_open(raw)
-    kept = np.flatnonzero(~(empty | is_open | edges))
+    good_rows = np.flatnonzero(~(empty | is_open | edges))
     stuck = np.zeros_like(empty)
-    stuck[kept[_stuck(raw[kept], time[kept])]] = True
+    stuck[good_rows[_stuck(raw[good_rows], time[good_rows])]] = True
     lost = empty | is_open | stuck
     loose = np.zeros_like(lost)
-    kept = np.flatnonzero(~(lost | edges))
+    good_rows = np.flatnonzero(~(lost | edges))
     if moves is not None:
-        loose[kept[_loose(raw[kept], time[kept], moves[kept])]] = True
+        loose[good_rows[_loose(raw[good_rows], time[good_rows], moves[good_rows])]] = True
     lost |= loose
     refused = (lost & ~empty if skip_empty else lost) & ~loose
     if np.count_nonzero(refused) > _MOST_LOST * len(raw) or np.all(lost):
@@ -385,11 +385,11 @@ def no_readings(sheet: Sheet, columns: Columns, raw: Array, time: Array, repairs
             sheet, columns)
         raise cell_error(sheet, columns, "temperature", row, problem, f"a log with a reading in nine rows of ten{way}")
     spikes = np.zeros_like(lost)
-    kept = np.flatnonzero(~(lost | edges))
-    spikes[kept[_spikes(raw[kept])]] = True
+    good_rows = np.flatnonzero(~(lost | edges))
+    spikes[good_rows[_spikes(raw[good_rows])]] = True
     ends = np.zeros_like(lost)
-    kept = np.flatnonzero(~(lost | spikes | edges))
-    ends[kept[_wild_ends(raw[kept], time[kept])]] = True
+    good_rows = np.flatnonzero(~(lost | spikes | edges))
+    ends[good_rows[_wild_ends(raw[good_rows], time[good_rows])]] = True
     kinds = ((empty, "without a reading"), (is_open, "with an open sensor's reading"),
              (stuck, _FAR_VALUE),
              (loose, "between two opposite jumps, as of a loose probe,"),

@@ -457,12 +457,12 @@ def demand_one_heater_by_turns(sheet: Sheet, columns: Columns) -> None:
     jump = float(np.quantile(np.abs(np.diff(values)), _JUMPING))
     lags = [float(np.mean(np.abs(values[lag:] - values[:-lag]))) for lag in range(2, _MOST_TURNS + 1)]
     limit = _OF_SPAN * float(np.ptp(values))
-    found = next((lag for lag, mean in enumerate(lags, start=2) if jump > max(_APART * mean, limit)), None)
-    if found is not None:
+    turns = next((lag for lag, mean in enumerate(lags, start=2) if jump > max(_APART * mean, limit)), None)
+    if turns is not None:
         raise LogError(
-            f"the temperature jumps back and forth, as where {found} heaters or sensors have rows in turns",
+            f"the temperature jumps back and forth, as where {turns} heaters or sensors have rows in turns",
             file=sheet.file, column=columns.names["temperature"],
-            expected=f'--tag "1 of {found}" or another to read the rows of one, or --tag-column none if all are of one')
+            expected=f'--tag "1 of {turns}" or another to read the rows of one, or --tag-column none if all are of one')
 
 
 def turn_of(tag: str | None) -> tuple[int, int] | None:

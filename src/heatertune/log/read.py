@@ -240,29 +240,29 @@ def read_log(source: str | Path | IO[Any] | DataFrame, settings: ReadSettings | 
     sheet, time, edges = without_blank_power(sheet, columns, time, repairs)
     sheet, time, edges = without_unreadable_power(sheet, columns, time, edges, repairs)
     raw, edges, held_rows = _readings(sheet, columns, edges, repairs, skip_empty=options.skip_empty)
-    kept, repeats = rows_to_keep(sheet, columns, time, repairs)
-    kept &= ~(held_rows | no_readings(sheet, columns, raw, time, repairs, edges=edges, skip_empty=options.skip_empty,
-                                      moves=power_moves(sheet, columns)))
+    valid, repeats = rows_to_keep(sheet, columns, time, repairs)
+    valid &= ~(held_rows | no_readings(sheet, columns, raw, time, repairs, edges=edges, skip_empty=options.skip_empty,
+                                       moves=power_moves(sheet, columns)))
     raw *= options.temperature_scale or 1.0
-    unit = _temperature_unit(sheet, columns, options, raw[kept & ~edges], repairs, doubts)
+    unit = _temperature_unit(sheet, columns, options, raw[valid & ~edges], repairs, doubts)
     setpoint, filled = _setpoint(sheet, columns, unit.unit, options.temperature_scale or 1.0, repairs)
     disturbance, filled_disturbance = _disturbance(sheet, columns, repairs)
-    temperature = _in_degC(sheet, columns, "temperature", unit.unit, raw, kept)
+    temperature = _in_degC(sheet, columns, "temperature", unit.unit, raw, valid)
     power = power_of(sheet, columns, options.power_full_scale, repairs, doubts, levels=options.power_levels,
-                     temperature_degC=np.where(kept, temperature, np.nan),
+                     temperature_degC=np.where(valid, temperature, np.nan),
                      others=_assumed({"time": clock, "temperature": unit}).values())
     every: dict[str, LogSignal | None] = {
         "time": clock._replace(values=time), "temperature": unit._replace(values=temperature),
         "power": _with_cooling(sheet, columns, power, repairs), "setpoint": setpoint, "disturbance": disturbance,
         "ambient": _setpoint(sheet, columns, unit.unit, 1.0, repairs, role="ambient")[0]}
     signals, continued = _on_own_clocks(
-        {role: signal._replace(values=signal.values[kept]) for role, signal in every.items() if signal is not None},
-        edges[kept], tagged.lost_s, repairs, recorded=sheet.recorded, power_every_s=sheet.power_every_s)
-    tell_gaps(signals["time"].values, np.abs(sheet.lines)[kept][continued], "power" in signals, doubts)
+        {role: signal._replace(values=signal.values[valid]) for role, signal in every.items() if signal is not None},
+        edges[valid], tagged.lost_s, repairs, recorded=sheet.recorded, power_every_s=sheet.power_every_s)
+    tell_gaps(signals["time"].values, np.abs(sheet.lines)[valid][continued], "power" in signals, doubts)
     summary = taken_of(
         table.name if table else display_name(Path(source).name), sheet, columns, tagged, signals=signals,
         stated=stated_units(options), counts=RowCounts(
-            read=len(time), repeats=repeats, filled=filled + filled_disturbance, used=int((kept | held_rows).sum())),
+            read=len(time), repeats=repeats, filled=filled + filled_disturbance, used=int((valid | held_rows).sum())),
         options={"sample_time_s": options.sample_time_s, "run": chosen_run, "skip_empty": options.skip_empty,
                  "errata": options.errata, "skip_rows": max(options.skip_rows, sheet.above),
                  "temperature_scale": options.temperature_scale, "decimal_comma": options.decimal_comma,

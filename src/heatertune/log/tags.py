@@ -613,9 +613,9 @@ def _power_place(powers: Sheet, settings: ReadSettings) -> int:
         i for i, name in enumerate(names) if role_of(name) != "time" and (i > 0 or powers.header)
         and any(all(map(holds, powers.columns[i].kinds())) for holds in (is_number, is_switch_word))]
     if len(candidates) != 1:
-        found = f"no column is a power ({', '.join(names)})" if not candidates else (
+        problem = f"no column is a power ({', '.join(names)})" if not candidates else (
             f"several columns may be the power ({', '.join(names[i] for i in candidates)})")
-        raise LogError(found, file=powers.file, expected="--power-column with a column of this file")
+        raise LogError(problem, file=powers.file, expected="--power-column with a column of this file")
     return candidates[0]
 
 
