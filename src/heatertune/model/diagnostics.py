@@ -103,7 +103,7 @@ def unit_change_findings(logs: Sequence[Log]) -> tuple[Finding, ...]:
 
     It jumps there by many times its usual change, to what the last reading is in the other unit, and stays.
     """
-    return tuple(found for log in logs if (found := _unit_change(log)) is not None)
+    return tuple(finding for log in logs if (finding := _unit_change(log)) is not None)
 
 
 def _unit_change(log: Log) -> Finding | None:

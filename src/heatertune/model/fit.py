@@ -153,8 +153,8 @@ def _with_faster_swing(fitted: FittedModel, log: Log) -> FittedModel:
         return fitted
     message = (f"{log.name} goes up and down from row to row: its rows are too far apart to show how it is switched; "
                "log at a shorter interval, ten rows or more to a swing.")
-    kept = tuple(each for each in fitted.findings if each.name not in ("not-regulated", "two-level"))
-    return replace(fitted, findings=(*kept, Finding(name="faster-than-log", message=message)),
+    findings = tuple(each for each in fitted.findings if each.name not in ("not-regulated", "two-level"))
+    return replace(fitted, findings=(*findings, Finding(name="faster-than-log", message=message)),
                    notes=(message, *fitted.notes), outcome=FitOutcome.LAW_UNKNOWN, combinations={},
                    ci95=dict.fromkeys(fitted.ci95))
 
@@ -174,9 +174,9 @@ def _with_switchings(log: Log, fitted: FittedModel, bounds: Bounds | None) -> Fi
         return fitted
     if not switched.is_better(best.rmse_degC, len(log.time_s)):
         return fitted
-    kept = tuple(finding for finding in fitted.findings if finding.name in ("one-level", "alias"))
+    findings = tuple(finding for finding in fitted.findings if finding.name in ("one-level", "alias"))
     model = two_level_model(switched, bounds)
-    return replace(model, findings=(*kept, *model.findings))
+    return replace(model, findings=(*findings, *model.findings))
 
 
 def _with_better_order(fitted: FittedModel) -> FittedModel:

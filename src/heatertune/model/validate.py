@@ -146,8 +146,8 @@ def validate(
     worst = min(designed_for, key=lambda i: runs[i].fit_pct)
     limit = MOST_BIAS_PCT / 100.0 * float(np.ptp(replace_outliers(used.temperature_degC)))
     bias = max((runs[i].bias_degC for i in designed_for), key=abs)
-    kept = {"fit": runs[worst].fit_pct >= options.least_fit_pct, "bias": abs(bias) <= limit}
-    fails = tuple(name for name, is_kept in kept.items() if not is_kept)
+    checks = {"fit": runs[worst].fit_pct >= options.least_fit_pct, "bias": abs(bias) <= limit}
+    fails = tuple(name for name, is_kept in checks.items() if not is_kept)
     meaning = _verdict_notes(runs, worst, len(designed_for), fails, options.least_fit_pct, limit)
     return Verdict(
         log=log.name, runs=runs, worst=worst, least_fit_pct=options.least_fit_pct, bias_degC=bias, most_bias_degC=limit,

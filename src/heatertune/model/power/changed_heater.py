@@ -428,8 +428,8 @@ def _after(problem: PowerProblem, share: float) -> _Opened | None:
     squares = [float(np.sum((_without(problem, fit, instant) - record) ** 2)) for instant in instants]
     place = int(np.argmin(squares))
     instant, after = float(instants[place]), time > instants[place]
-    cut, kept = _without(problem, fit, instant), np.asarray(fit.linear @ problem.basis(fit.vector))
-    plain = float(np.sum((kept[after] - record[after]) ** 2))
+    cut, unchanged = _without(problem, fit, instant), np.asarray(fit.linear @ problem.basis(fit.vector))
+    plain = float(np.sum((unchanged[after] - record[after]) ** 2))
     left = float(np.sum((cut[after] - record[after]) ** 2))
     falls = float(np.median(record[after][:3]) - np.median(record[-3:])) > _GIVES_WAY * float(np.ptp(record))
     if left < _WITHOUT * plain and falls and _explains(record[after], cut[after]) and _is_on(readings, instant):

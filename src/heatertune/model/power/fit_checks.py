@@ -52,9 +52,9 @@ def held_out(problem: PowerProblem, fit: PowerFit) -> HeldOut:
               if len(place := np.setdiff1d(window, _begun(problem)))]
     foretold = np.empty_like(record)
     for place in places:
-        kept = np.ones(len(time), dtype=np.bool_)
-        kept[place] = False
-        foretold[place] = _foretold(problem, fit, kept)[place]
+        training = np.ones(len(time), dtype=np.bool_)
+        training[place] = False
+        foretold[place] = _foretold(problem, fit, training)[place]
     rows = np.concatenate(places)
     error = foretold - record
     still = np.ptp(record[rows]) == 0.0  # all that moved came before: the error is measured by that
@@ -238,8 +238,8 @@ def judgement_remarks(
         two_lags_predict: whether two lags are a candidate and predict the omitted windows.
     """
     if validation.input_correlation is not None and not validation.input_correlation.ok:
-        kept = second is not None and second.ok
-        yield Remark("" if kept else "follows-power", _correlation_note(log, validation.input_correlation, second))
+        is_clear = second is not None and second.ok
+        yield Remark("" if is_clear else "follows-power", _correlation_note(log, validation.input_correlation, second))
     blocks = validation.held_out
     if blocks.fit_pct < fit - DROP_PCT:
         worst = max(range(len(blocks.rmses_degC)), key=lambda i: blocks.rmses_degC[i])

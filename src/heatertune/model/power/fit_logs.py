@@ -485,11 +485,11 @@ def two_scales_of_logs(logs: Sequence[Explanation]) -> list[TwoScaleFit]:
         return []
     problems = [replace(log.problems[0], drift=False, loads_s=()) for log in logs]
     noise = [long_run_noise(log.problems[0].readings.temperature_degC, log.best_simulated_degC) for log in logs]
-    found = fit_two_scales(problems, min(_bic_together(logs, order) for order in (0, 1)), noise)
-    if not found:
+    fits = fit_two_scales(problems, min(_bic_together(logs, order) for order in (0, 1)), noise)
+    if not fits:
         raise InputError(f"{asking[0]} shows two time scales (a fast element on a slow mass), but no such heater "
                          f"explains all {len(logs)} logs: fit {' or '.join(asking)} alone")
-    return found
+    return fits
 
 
 def _bic_together(logs: Sequence[Explanation], order: int) -> float:

@@ -479,8 +479,8 @@ def _surprises(
     part = half_of(problem, rows)
     if part is None:
         return {}
-    found, near = part.fit(), fit_of_half(part, whole_fit)
-    fit = near if found.model is None or bic_of(part, near) < bic_of(part, found) else found
+    free_fit, near = part.fit(), fit_of_half(part, whole_fit)
+    fit = near if free_fit.model is None or bic_of(part, near) < bic_of(part, free_fit) else free_fit
     if fit.model is None:
         return {}
     noise = noise_of(part, fit)

@@ -92,12 +92,12 @@ def records(
     Raises:
         InputError: as `replayed`.
     """
-    kept: list[tuple[str, Log]] = []
+    replays: list[tuple[str, Log]] = []
     for controller in controllers:
         replay = replay_controller(log, controller, setpoint_degC, offset_degC)
-        if all(np.max(np.abs(_power(replay) - _power(other))) > _SAME_PCT for _, other in kept):
-            kept.append((controller.name, replay))
-    return kept
+        if all(np.max(np.abs(_power(replay) - _power(other))) > _SAME_PCT for _, other in replays):
+            replays.append((controller.name, replay))
+    return replays
 
 
 def _power(log: Log) -> Array:

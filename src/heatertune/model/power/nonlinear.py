@@ -83,11 +83,11 @@ def knots_of(problem: PowerProblem) -> Array:
         inner = np.interp(np.linspace(0.0, 1.0, _KNOTS)[1:-1], shares, readings.level_pct[order])
         values = np.unique([values[0], *inner, values[-1]])
     apart = _APART * (values[-1] - values[0])
-    kept = [float(values[0])]
+    knots = [float(values[0])]
     for value in values[1:-1]:
-        if value - kept[-1] > apart and values[-1] - value > apart:
-            kept.append(float(value))
-    return np.array([*kept, values[-1]] if values[-1] > values[0] else kept)
+        if value - knots[-1] > apart and values[-1] - value > apart:
+            knots.append(float(value))
+    return np.array([*knots, values[-1]] if values[-1] > values[0] else knots)
 
 
 def fit_input_curve(problem: PowerProblem, near: PowerFit) -> InputCurve | None:
@@ -360,8 +360,8 @@ def judged_linear(plain: Way, eventful: Way) -> LinearityResult:
     tried = [(bend, way) for way in _without_loads(plain, eventful) for bend in _bends(way)]
     bend, way = min(tried, key=lambda pair: pair[0].bic, default=(None, eventful))
     others = [eventful.bic, *(each.bic for each, _ in tried)]
-    found: list[LossFit | TwoScaleFit] = [*fit_loss_curves(plain.problems, plain.fits, min(others))]
-    extended = tuple(found or fit_two_scales(plain.problems[:1], min(others)))
+    fits: list[LossFit | TwoScaleFit] = [*fit_loss_curves(plain.problems, plain.fits, min(others))]
+    extended = tuple(fits or fit_two_scales(plain.problems[:1], min(others)))
     if bend is None or not _is_better(bend, eventful):
         return LinearityResult(eventful, None, _untold(eventful), extended)
     return LinearityResult(way, bend, (), extended)
@@ -370,10 +370,10 @@ def judged_linear(plain: Way, eventful: Way) -> LinearityResult:
 def _is_better(bend: Bend, eventful: Way) -> bool:
     """Return whether a bend explains more than the linear heater with its drift, and loads apart from the edges."""
     dead = max(float(eventful.fits[0].vector[1]), bend.ends[0].model.dead_time_s)
-    kept = tuple(t for t in eventful.problems[0].loads_s if not coincides(eventful.problems[0], dead, t))
-    if kept == eventful.problems[0].loads_s:
+    loads_s = tuple(t for t in eventful.problems[0].loads_s if not coincides(eventful.problems[0], dead, t))
+    if loads_s == eventful.problems[0].loads_s:
         return bend.bic < eventful.bic - _NEAR
-    problems = [replace(problem, loads_s=kept) for problem in eventful.problems]
+    problems = [replace(problem, loads_s=loads_s) for problem in eventful.problems]
     honest = Way(*with_loads(problems, refit_all(problems, eventful.fits), edges_dead_time_s=dead))
     # a load that no bend explains as well did set in with an edge
     return bend.bic < honest.bic - _NEAR and bend.bic < eventful.bic + _NEAR

@@ -505,11 +505,11 @@ def halves_of(log: Log, halves: tuple[Half, Half], *, law: str) -> Iterator[Cand
 
 def distinct_candidates(candidates: Sequence[Candidate], least_dead_time_s: float) -> tuple[Candidate, ...]:
     """Return the candidates without the ends that differ from another one by less than 3 % in every number."""
-    kept = [candidate for candidate in candidates if not candidate.part]
+    distinct = [candidate for candidate in candidates if not candidate.part]
     for candidate in candidates:
-        if candidate.part and not any(_alike(candidate.model, other.model, least_dead_time_s) for other in kept):
-            kept.append(candidate)
-    return tuple(kept)
+        if candidate.part and not any(_alike(candidate.model, other.model, least_dead_time_s) for other in distinct):
+            distinct.append(candidate)
+    return tuple(distinct)
 
 
 def _alike(first: HeaterModel, second: HeaterModel, least_dead_time_s: float) -> bool:

@@ -445,8 +445,8 @@ def switching_guess(log: Log, *, is_stated: bool) -> SwitchingGuess:
     rest = int(np.flatnonzero(log.temperature_degC <= log.temperature_degC[0] + _RISEN * np.ptp(y))[-1])
     if is_stated and is_on and _RESTS <= rest < rows[0]:
         is_on, instants, rows = False, [float(log.time_s[rest]), *instants], [rest, *rows]
-    kept = [i for i, instant in enumerate(instants) if i == 0 or instant > instants[i - 1]]
-    return SwitchingGuess(np.array(instants)[kept], tuple(rows), is_on) if len(kept) == len(instants) else (
+    in_order = [i for i, instant in enumerate(instants) if i == 0 or instant > instants[i - 1]]
+    return SwitchingGuess(np.array(instants)[in_order], tuple(rows), is_on) if len(in_order) == len(instants) else (
         SwitchingGuess(time[inner], tuple(rows), is_on))
 
 

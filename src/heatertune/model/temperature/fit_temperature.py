@@ -229,24 +229,24 @@ def fit_temperature(
     singles = [_single(log, laws, bounds, largest_power_pct) for log, bounds in zip(used, sought, strict=True)]
     alone = [fit_all(hypotheses, seed=seed, thorough=thorough and len(used) == 1) for hypotheses in singles]
     ranked = alone[0] if len(used) == 1 else fit_all(_joint(alone, largest_power_pct), seed=seed)
-    kept = _near_fits(ranked)
-    ranges = _ranges(_best(kept), kept, seed, ambient_degC)
-    claimed = _intervals(_best(kept), kept, ranges, ambient_degC)
+    near_fits = _near_fits(ranked)
+    ranges = _ranges(_best(near_fits), near_fits, seed, ambient_degC)
+    claimed = _intervals(_best(near_fits), near_fits, ranges, ambient_degC)
     if (claimed["time_constant_s"] or claimed["dead_time_s"]) and any(log.output_limit_pct is None for log in used):
         ranked = ranked if thorough or len(used) > 1 else fit_all(singles[0], seed=seed, thorough=True)
         rivals = rival_fits(ranked, seed)
         ranked = sorted([*ranked, *rivals], key=lambda fit: fit.bic)
-        kept = _with_rivals(ranked, rivals)
-        ranges = _ranges(_best(kept), [*kept, *rivals], seed, ambient_degC)
-    best = _best(kept)
-    law, against = list(_law_remarks(best, logs)), list(_contradictions(best, kept))
+        near_fits = _with_rivals(ranked, rivals)
+        ranges = _ranges(_best(near_fits), [*near_fits, *rivals], seed, ambient_degC)
+    best = _best(near_fits)
+    law, against = list(_law_remarks(best, logs)), list(_contradictions(best, near_fits))
     power = [] if law else list(_power_remarks(used, ranges, largest_power_pct))
-    ci95 = dict.fromkeys(FIELDS) if law or against else _intervals(best, kept, ranges, ambient_degC)
+    ci95 = dict.fromkeys(FIELDS) if law or against else _intervals(best, near_fits, ranges, ambient_degC)
     plant = best.hypothesis.plant(best.vector)
     values = {name: measure(plant) for name, measure in COMBINATIONS.items()}
     notes += (joint_note(best, ranked, alone),) if len(used) > 1 else ()
-    near = [best, *(fit for fit in kept if fit.bic - ranked[0].bic <= _NEAR and fit is not best)]
-    doubts = [*law, *against, *power, *limit_remarks(kept), *foretelling_remarks(best), *share_remarks(near)]
+    near = [best, *(fit for fit in near_fits if fit.bic - ranked[0].bic <= _NEAR and fit is not best)]
+    doubts = [*law, *against, *power, *limit_remarks(near_fits), *foretelling_remarks(best), *share_remarks(near)]
     first, simulated = used[0], best.hypothesis.parts(best.simulated_degC)[0]
     outcome = FitOutcome.LAW_UNKNOWN if law else _outcome(best.fit_pct, ci95)
     names = " and ".join(log.name for log in used)
@@ -258,7 +258,7 @@ def fit_temperature(
         ci95=ci95,
         combinations={} if law else {
             name: (value, ranges[name]) for name, value in values.items() if np.isfinite(value)},
-        candidates=tuple(_candidate(fit, ranked[0].bic) for fit in kept),
+        candidates=tuple(_candidate(fit, ranked[0].bic) for fit in near_fits),
         hypotheses=tuple(_candidate(fit, ranked[0].bic) for fit in ranked),
         fit_pct=best.fit_pct,
         notes=(*notes, *_notes(best, ranked, ranges, ci95, ambient_degC), *(remark.sentence for remark in doubts)),
