@@ -310,9 +310,9 @@ class Controller(SetpointHandling, ABC):
         Raises:
             NotRepresentable: TA is no interval of the timer, or a word does not fit; it tells what would.
         """
-        kept, fields = timer_interval_s(self.timer, design.sample_time_s), {field.name: field for field in self.fields}
+        ta_s, fields = timer_interval_s(self.timer, design.sample_time_s), {field.name: field for field in self.fields}
         values = {name: round_to_word(fields[name], value) for name, value in self.values(design, scaling).items()}
-        interval_s = kept if self.interval_s is None else self.interval_s(values)
+        interval_s = ta_s if self.interval_s is None else self.interval_s(values)
         return Words(target=self.name, values=values, scaling=scaling, sample_time_s=interval_s)
 
     @final

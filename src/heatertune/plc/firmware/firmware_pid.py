@@ -169,10 +169,10 @@ def _interval_s(make: FirmwarePid, values: Values) -> float:
 def _oddities(make: FirmwarePid, words: Words) -> tuple[str, ...]:
     """Return what is odd about the words of a firmware that runs, one sentence each."""
     (kp, ki, _), values = (each.name for each in make.gains), words.values
-    found = [f"{kp} is 0: there is no proportional part."] if values[kp] == 0.0 else []
+    remarks = [f"{kp} is 0: there is no proportional part."] if values[kp] == 0.0 else []
     if values[ki] == 0.0:
-        found.append(f"{ki} is 0: there is no integral part, and an offset remains.")
-    return (*found, *make.oddities(values))
+        remarks.append(f"{ki} is 0: there is no integral part, and an offset remains.")
+    return (*remarks, *make.oddities(values))
 
 
 def _begin(make: FirmwarePid, _self: Controller, words: Words, assume: Any) -> ControllerState:

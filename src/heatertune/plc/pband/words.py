@@ -177,9 +177,9 @@ def periods_of(make: Make, longest_s: float = _LONGEST_S) -> list[tuple[Number, 
     if longest_s < math.inf and not make.codes:  # numbers mean themselves
         last = min(last, math.ceil(longest_s * 10.0**entry.decimals))
     first = round(entry.low * (10.0**entry.decimals if entry.real else 1.0))
-    found = [(_written(entry, digits / 10.0**entry.decimals), digits / 10.0**entry.decimals)
+    pairs = [(_written(entry, digits / 10.0**entry.decimals), digits / 10.0**entry.decimals)
              for digits in range(first, last + 1)]
-    meant = [(number, make.codes.get(int(number), value) if make.codes else value) for number, value in found]
+    meant = [(number, make.codes.get(int(number), value) if make.codes else value) for number, value in pairs]
     return [(number, value) for number, value in meant if make.sample_s[0] - 1e-9 <= value <= longest_s + 1e-9]
 
 
@@ -231,21 +231,21 @@ def oddities(make: Make, words: Words) -> tuple[str, ...]:
     """Return warnings about an instrument's parameters, one sentence each."""
     values = words.values
     tn, _ = _times(make, values)
-    found = [f"{by.name} is 0: there is no integral part." for by in make.entries
+    notes = [f"{by.name} is 0: there is no integral part." for by in make.entries
              if by.role in ("ti", "ti7201") and math.isinf(tn)]
     for entry in make.entries:
         number = values[entry.name]
         if entry.role == "high" and entry_value(entry, number) < 100.0:
-            found.append(f"{entry.name} is {display_text(entry, values)} %: the output is limited to it.")
+            notes.append(f"{entry.name} is {display_text(entry, values)} %: the output is limited to it.")
         if entry.role == "least" and number:
-            found.append(f"{entry.name} is {display_text(entry, values)} %: no pulse below it, no pause above 100 % "
+            notes.append(f"{entry.name} is {display_text(entry, values)} %: no pulse below it, no pause above 100 % "
                          f"less it.")
         if entry.role == "approach" and number != entry.fixed:
-            found.append(f"{entry.name} is {display_text(entry, values)} bands: beyond it there is no derivative part.")
+            notes.append(f"{entry.name} is {display_text(entry, values)} bands: beyond it there is no derivative part.")
         if entry.role == "cutback" and not _one_band(make, entry, words):
-            found.append(f"{entry.name} is {display_text(entry, values)} °C, not the proportional band: what it does "
+            notes.append(f"{entry.name} is {display_text(entry, values)} °C, not the proportional band: what it does "
                          f"then is not published, and not proven.")
-    return tuple(found)
+    return tuple(notes)
 
 
 def consistent(make: Make, words: Words) -> None:

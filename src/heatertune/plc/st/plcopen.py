@@ -59,10 +59,10 @@ def project_of(text: str) -> Project:
 
 
 def _some(root: Xml.Element, name: str, count: int = 1) -> list[Xml.Element]:
-    found = list(root.iter(f"{{{_NAMES['plc']}}}{name}"))
-    if len(found) != count:
-        raise InputError(f"{len(found)} elements {name}; expected {count}")
-    return found
+    elements = list(root.iter(f"{{{_NAMES['plc']}}}{name}"))
+    if len(elements) != count:
+        raise InputError(f"{len(elements)} elements {name}; expected {count}")
+    return elements
 
 
 def _unit(pou: Xml.Element) -> ProgramUnit:

@@ -487,8 +487,8 @@ class TextProgram:
         """Return the line at which it stopped."""
         line_text, trace = "", problem.__traceback__
         while trace is not None:
-            if found := self._block.lines.get(trace.tb_frame.f_code):
-                unit, lines = found
+            if source := self._block.lines.get(trace.tb_frame.f_code):
+                unit, lines = source
                 line_text = unit.line_text(lines[trace.tb_lineno - BEYOND])
             trace = trace.tb_next
         return line_text

@@ -322,11 +322,11 @@ class TranslatedBlock(Translation):
         while True:
             needed = [{slot for slot, (forms, stays) in slots.items() if forms or stays in read[part]}
                       for part, slots in enumerate(here)]
-            found = [{slot for slot in _SLOTS if any(part is None or slot in needed[part] for part in parts)}
-                     for parts in after]
-            if found == read:
+            slot_sets = [{slot for slot in _SLOTS if any(part is None or slot in needed[part] for part in parts)}
+                         for parts in after]
+            if slot_sets == read:
                 return read
-            read = found
+            read = slot_sets
 
     def _after(self, at: int) -> set[int | None]:
         """Return the parts that may follow the last statement of one; None: the block may end."""
@@ -503,7 +503,7 @@ class S7300Cpu(Accumulators):
         for number, line in numbered_lines(source):
             part.append((number, line))
             if line in LAST:
-                head = next((found for _, text in part if (found := _HEAD.fullmatch(text))), None)
+                head = next((match for _, text in part if (match := _HEAD.fullmatch(text))), None)
                 if head is None or all(text != "BEGIN" for _, text in part):
                     raise InputError(f"line {number}: {line}; expected its head and BEGIN before")
                 if head[1] == "DATA_BLOCK":
@@ -516,8 +516,8 @@ class S7300Cpu(Accumulators):
     def _data(self, name: str, part: list[tuple[int, str]], blocks: Mapping[str, _CodeBlock]) -> None:
         texts = [text for _, text in part]
         begin = texts.index("BEGIN")
-        values = {found[1]: (number, _constant(number, found[2].strip())) for number, text in part[begin:]
-                  if (found := _ASSIGNED.match(text))}
+        values = {match[1]: (number, _constant(number, match[2].strip())) for number, text in part[begin:]
+                  if (match := _ASSIGNED.match(text))}
         of = next((line for line in texts if re.fullmatch(r"FB \d+", line)), None)
         self.memory[name] = bytearray(1024)
         if of is not None and of not in blocks:
@@ -551,11 +551,11 @@ class S7300Cpu(Accumulators):
         """Return the place of an operand; None: it is a constant."""
         if operand.startswith("#"):
             return block.members[operand[1:]]
-        if found := re.fullmatch(r"DB(\d+)\.DB([XBWD]) ?(\d+)(?:\.(\d))?", operand):
-            return MemberPlace(f"DB {found[1]}", int(found[3]), int(found[4] or 0), _WIDTHS[found[2]])
-        if found := re.fullmatch(r"(P?)([IQ])([BWD]?) ?(\d+)(?:\.(\d))?", operand):
-            memory = "P" if found[1] else found[2]
-            return MemberPlace(memory, int(found[4]), int(found[5] or 0), _WIDTHS[found[3] or "X"])
+        if match := re.fullmatch(r"DB(\d+)\.DB([XBWD]) ?(\d+)(?:\.(\d))?", operand):
+            return MemberPlace(f"DB {match[1]}", int(match[3]), int(match[4] or 0), _WIDTHS[match[2]])
+        if match := re.fullmatch(r"(P?)([IQ])([BWD]?) ?(\d+)(?:\.(\d))?", operand):
+            memory = "P" if match[1] else match[2]
+            return MemberPlace(memory, int(match[4]), int(match[5] or 0), _WIDTHS[match[3] or "X"])
         return None
 
     def _call(self, block: _CodeBlock, operand: str) -> BlockCall:
@@ -566,7 +566,7 @@ class S7300Cpu(Accumulators):
         name, data = callee[1], callee[2] or ""
         if name not in self._firmware and name not in self._blocks:
             raise LookupError(name)
-        operands = [(found[1], found[2].strip()) for found in _ASSIGNED.finditer(operand)]
+        operands = [(match[1], match[2].strip()) for match in _ASSIGNED.finditer(operand)]
         places = [(member, place) for member, text in operands if (place := self._place(block, text)) is not None]
         constants = {member: constant(text) for member, text in operands if self._place(block, text) is None}
         # what is put in comes back as it was
