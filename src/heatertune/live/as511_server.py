@@ -116,16 +116,16 @@ class As511Server:
 
     def _body(self) -> bytes:
         """Return what comes before 10 04."""
-        found = bytearray()
+        body = bytearray()
         while True:
             byte = self._hear()
             if byte == _DLE:
                 byte = self._hear()
                 if byte == _EOT[1]:
-                    return bytes(found)
+                    return bytes(body)
                 if byte != _DLE:
                     raise _Silence
-            found.append(byte)
+            body.append(byte)
 
     # the line
 
@@ -193,14 +193,14 @@ class As511Server:
         first, last = (int.from_bytes(body[at : at + 2], "big") for at in (0, 2))
         if len(body) != 4 or not first <= last < first + _MOST:
             raise Refusal(Access.OUTSIDE)
-        found = bytearray(last + 1 - first)
+        cells = bytearray(last + 1 - first)
         with self._memory.changed:
             for number, address, length in self._places():
                 content = self._header(number, length) + self._memory.read(self._numbers[number], 0, length)
                 for at, byte in enumerate(content, start=address - _HEADER):
                     if first <= at <= last:
-                        found[at - first] = byte
-        return bytes(5) + bytes(found)
+                        cells[at - first] = byte
+        return bytes(5) + bytes(cells)
 
     def _write(self, body: bytes) -> bytes:
         """Write what 03h writes; refuse what reaches over the end of a block, or into a header."""

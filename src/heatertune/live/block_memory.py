@@ -74,14 +74,14 @@ class BlockSignal(NamedTuple):
 
     def of(self, content: bytes, begin: int = 0) -> float:
         """Return the quantity in bytes of the block that begin at one of its bytes."""
-        found = self.number(content[self.start - begin : self.start - begin + self.size])
+        raw = self.number(content[self.start - begin : self.start - begin + self.size])
         (raw_0, raw_1), (shown_0, shown_1) = self.raw, self.shown
-        return shown_0 + (found - raw_0) * (shown_1 - shown_0) / (raw_1 - raw_0)
+        return shown_0 + (raw - raw_0) * (shown_1 - shown_0) / (raw_1 - raw_0)
 
     def number(self, cells: bytes) -> float:
         """Return the number in its own bytes."""
-        found: float = struct.unpack(STRUCTS[self.format], cells[2:] + cells[:2] if self.turned else cells)[0]
-        return found
+        number: float = struct.unpack(STRUCTS[self.format], cells[2:] + cells[:2] if self.turned else cells)[0]
+        return number
 
     def stored(self, number: Number) -> bytes:
         """Return the bytes of a number that the format holds."""
@@ -286,10 +286,10 @@ class BlockMemory:
         """
         with self.changed:
             own = self._blocks[OWN]
-            kept = [(part, own[part]) for part in (RELEASED, HEARTBEAT, SHOWN)]
+            own_parts = [(part, own[part]) for part in (RELEASED, HEARTBEAT, SHOWN)]
             own[:] = STATUS_BYTES.pack(
                 intervals & 0xFFFFFFFF, scans & 0xFFFFFFFF, 0, 0, status, *signals, STATUS_MARK, 0, self._interval_s)
-            for part, content in kept:
+            for part, content in own_parts:
                 own[part] = content
 
     @property
@@ -372,17 +372,17 @@ def members(named: Sequence[tuple[str, str]]) -> dict[str, CellAddress]:
 
     Bits stand one after the other, all else from an even byte on.
     """
-    found, byte, bit = dict[str, CellAddress](), 0, 0
+    addresses, byte, bit = dict[str, CellAddress](), 0, 0
     for name, format_ in named:
         if format_ == "BOOL":
             byte, bit = (byte + 1, 0) if bit > 7 else (byte, bit)
-            found[name] = CellAddress(byte, format_, bit)
+            addresses[name] = CellAddress(byte, format_, bit)
             bit += 1
             continue
         byte, bit = byte + bool(bit), 0
-        found[name] = place = CellAddress(byte + byte % 2, format_)
+        addresses[name] = place = CellAddress(byte + byte % 2, format_)
         byte = place.part.stop
-    return found
+    return addresses
 
 
 def registers(wanted: Mapping[str, tuple[int, str]], *, turned: bool = False) -> tuple[dict[str, CellAddress],
@@ -393,16 +393,16 @@ def registers(wanted: Mapping[str, tuple[int, str]], *, turned: bool = False) ->
         wanted: name → register and format.
         turned: whether a REAL has its low word first.
     """
-    found, runs, byte = dict[str, CellAddress](), list[RegisterRange](), 0
+    addresses, runs, byte = dict[str, CellAddress](), list[RegisterRange](), 0
     for name, (register, format_) in sorted(wanted.items(), key=lambda entry: entry[1][0]):
-        found[name] = place = CellAddress(byte, format_, turned=turned and format_ == "REAL")
+        addresses[name] = place = CellAddress(byte, format_, turned=turned and format_ == "REAL")
         size = (place.part.stop - byte) // 2
         if runs and runs[-1].first + runs[-1].size == register:
             runs[-1] = runs[-1]._replace(size=runs[-1].size + size)
         else:
             runs.append(RegisterRange(register, byte, size))
         byte = place.part.stop
-    return found, runs
+    return addresses, runs
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -183,10 +183,10 @@ class Topic:
     def of(self, payload: bytes) -> float:
         """Return the quantity in a payload; no number where it holds none, as where a sensor is unavailable."""
         try:
-            found = self._within(payload.decode())
-            if (state := _STATES.get(str(found).upper())) is not None:
+            value = self._within(payload.decode())
+            if (state := _STATES.get(str(value).upper())) is not None:
                 return state * self.full
-            number = float(found)
+            number = float(value)
         except (ValueError, TypeError, LookupError, RecursionError):
             return math.nan
         if not math.isfinite(number):
@@ -196,10 +196,10 @@ class Topic:
 
     def _within(self, text: str) -> Any:
         """Return what stands at the path; raises ValueError, TypeError, LookupError or RecursionError."""
-        found: Any = json.loads(text) if self.path or text[:1] == '"' else text
+        value: Any = json.loads(text) if self.path or text[:1] == '"' else text
         for key in self.path.split(".") if self.path else ():
-            found = found[int(key)] if isinstance(found, list) else found[key]
-        return found
+            value = value[int(key)] if isinstance(value, list) else value[key]
+        return value
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -283,11 +283,11 @@ def _topic(path: str | Path, role: str, table: object) -> Topic:
     for name, (form, expected) in _TOPIC_TEXTS.items():
         if not isinstance(texts[name], str) or not form.fullmatch(texts[name]):
             raise wrong(f"{name} = {texts[name]!r}", expected)
-    found = Topic(**texts)
+    topic = Topic(**texts)
     if {"raw", "range"} & set(table):
         raw, shown = (_pair(table.get(name), name, wrong) for name in ("raw", "range"))
-        found = replace(found, raw=raw, shown=shown)
-    return found
+        topic = replace(topic, raw=raw, shown=shown)
+    return topic
 
 
 def places_from(*, design: str | Path | None = None, map_file: str | Path | None = None) -> Places | None:

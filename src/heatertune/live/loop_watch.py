@@ -384,8 +384,8 @@ def others_there(proven: ProvenWords, address: Address) -> tuple[str, str]:
             content = peer.look().content
     except (InputError, LinkError) as problem:
         return "", str(problem)
-    found = {name: value for name, value in there.values(content).items() if name in there.own} | there.bits(content)
-    there_texts, texts = value_texts(words, found), value_texts(words, words.values)
-    other = [f"{name} is {there_texts[name]}, not {texts[name]}" for name, value in found.items()
+    values = {name: value for name, value in there.values(content).items() if name in there.own} | there.bits(content)
+    there_texts, texts = value_texts(words, values), value_texts(words, words.values)
+    other = [f"{name} is {there_texts[name]}, not {texts[name]}" for name, value in values.items()
              if name not in there.block.operators and value != words.values[name]]
     return f"other words stand there than were proven: {', '.join(other)}" if other else "", ""

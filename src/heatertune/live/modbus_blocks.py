@@ -192,8 +192,8 @@ class InstrumentBlock(Laid):
 
     def _take_setpoint(self, cells: bytearray) -> None:
         """Take what somebody has written; put the setpoint before back where it is no number of the range."""
-        found, scaling = self.layout.setpoint.read(cells), self._words.scaling
-        degC = found / self._digits
+        number, scaling = self.layout.setpoint.read(cells), self._words.scaling
+        degC = number / self._digits
         if scaling.low_degC <= degC <= scaling.high_degC:
             self._counts, self._written = int(self._measure(degC)), bytes(cells[self.layout.setpoint.part])
         else:

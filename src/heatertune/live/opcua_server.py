@@ -87,8 +87,8 @@ class NodeVariable:
             part = self.part or slice(0, memory.block_size(self.block))
             if index_range:
                 part = self._within(part, index_range)
-            found = memory.read(self.block, part.start, part.stop - part.start)
-        return ua.Variant(found if index_range else self.of(found), self.type)
+            content = memory.read(self.block, part.start, part.stop - part.start)
+        return ua.Variant(content if index_range else self.of(content), self.type)
 
     def write(self, memory: BlockMemory, value: ua.Variant | None, index_range: str | None = None) -> None:
         """Write the value, or a part of a ByteString: at once or not at all.
@@ -216,11 +216,11 @@ class _Attributes(AttributeService):  # type: ignore[misc]
         """Return what a cell shows, or why it shows nothing."""
         now = datetime.now(UTC)
         try:
-            found, status = cell.read(self.plc.memory, index_range), ua.StatusCodes.Good
+            value, status = cell.read(self.plc.memory, index_range), ua.StatusCodes.Good
         except (Refusal, ua.UaStatusCodeError) as refused:
-            found, status = None, _code(refused)
+            value, status = None, _code(refused)
         plant = self._begun + timedelta(seconds=min(self.plc.elapsed_s, _MOST_S))
-        return ua.DataValue(found, ua.StatusCode(status), SourceTimestamp=plant, ServerTimestamp=now)
+        return ua.DataValue(value, ua.StatusCode(status), SourceTimestamp=plant, ServerTimestamp=now)
 
     def read(self, params: ua.ReadParameters) -> list[ua.DataValue]:
         with self.plc.memory.changed:
@@ -229,8 +229,8 @@ class _Attributes(AttributeService):  # type: ignore[misc]
     def _read(self, wanted: ua.ReadValueId) -> ua.DataValue:
         cell = self.cells.get(wanted.NodeId)
         if cell is None or wanted.AttributeId != ua.AttributeIds.Value:
-            found: ua.DataValue = self._aspace.read_attribute_value(wanted.NodeId, wanted.AttributeId)
-            return found
+            value: ua.DataValue = self._aspace.read_attribute_value(wanted.NodeId, wanted.AttributeId)
+            return value
         return self.value(cell, wanted.IndexRange)
 
     async def write(self, params: ua.WriteParameters, user: Any = None) -> list[ua.StatusCode]:
@@ -402,9 +402,9 @@ async def _publish(service: _Attributes, closing: list[asyncio.Task[Any]]) -> No
             callbacks = space[node].attributes[ua.AttributeIds.Value].datachange_callbacks
             if not callbacks:
                 continue
-            found = service.value(cell)
-            value = found.Value and found.Value.Value, found.StatusCode
+            data = service.value(cell)
+            value = data.Value and data.Value.Value, data.StatusCode
             if last_values.get(node) != value:
                 last_values[node] = value
                 for handle, callback in callbacks.copy().items():
-                    await callback(handle, found)
+                    await callback(handle, data)

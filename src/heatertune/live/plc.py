@@ -134,10 +134,10 @@ def fault_of(text: str) -> ScheduledFault:
         InputError: another form, a time that is none, or a number where there is none.
         UnknownName: no such fault.
     """
-    found = _RULE.fullmatch(" ".join(text.split()))
-    if found is None:
+    match = _RULE.fullmatch(" ".join(text.split()))
+    if match is None:
         raise InputError(f"--fault {text!r}: expected {_FORM}")
-    begins, word, name, new, plain, value, until = found.groups()
+    begins, word, name, new, plain, value, until = match.groups()
     begins_s, ends_s = _number(text, begins, 0.0), math.inf if until is None else _number(text, until, 0.0)
     if not ends_s > begins_s:
         raise InputError(f"--fault {text!r}: it ends at {ends_s:g} s, before it begins")

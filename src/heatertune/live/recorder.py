@@ -149,14 +149,14 @@ class _File:
         if not text.startswith(MARK):
             raise InputError(f"{self._path}: was not begun by heatertune record; take another name")
         lines = [line for line in without_torn(text, []).split("\n") if line and not line.startswith("#")]
-        found = lines[0] if lines else None
-        if found is not None and found != columns:
-            raise InputError(f"{self._path}: has the columns {found}; now they would be {columns}")
+        first_line = lines[0] if lines else None
+        if first_line is not None and first_line != columns:
+            raise InputError(f"{self._path}: has the columns {first_line}; now they would be {columns}")
         try:
             self.last_s = float(lines[-1].split(",")[0]) if len(lines) > 1 else None
         except ValueError:
             raise InputError(f"{self._path}: ends in {lines[-1]!r}; expected a row: {columns}") from None
-        return ("" if text.endswith("\n") else f"{TORN}\n") + (f"{columns}\n" if found is None else "")
+        return ("" if text.endswith("\n") else f"{TORN}\n") + (f"{columns}\n" if first_line is None else "")
 
     def write(self, text: str) -> None:
         """Write at the end, and see that it stands in the file of this name.
@@ -499,12 +499,12 @@ def record_addresses(
         if address not in addresses:
             raise InputError(f"{loops}: {address!r} is none of the addresses given")
     list_folder = Path() if loops is None else Path(loops).parent
-    found: dict[str, LoopEntry] = {}
+    table: dict[str, LoopEntry] = {}
     running, wrong = [], {}
     for address in addresses:
         loop = entries.get(address, LoopEntry(name=address, file=address))
-        file = _file_of(loop.name, found)
-        found[file] = replace(
+        file = _file_of(loop.name, table)
+        table[file] = replace(
             loop, file=file, folder=None if loop.folder is None else str((list_folder / loop.folder).absolute()))
         where = address_of(address)
         try:
@@ -518,10 +518,10 @@ def record_addresses(
     except OSError as problem:
         raise InputError(f"{folder}: cannot be made for the logs: {problem.strerror}") from None
     wrong |= record_all(running, folder, settings, shown=shown, ended=ended)
-    if len(wrong) == len(found):
+    if len(wrong) == len(table):
         raise InputError("no loop was recorded: " + "; ".join(dict.fromkeys(wrong.values())))
-    rows = [{"name": found[file].name, "file": file, "outcome": "no log", "reason": why} for file, why in wrong.items()]
-    return {file: loop for file, loop in found.items() if file not in wrong}, rows
+    rows = [{"name": table[file].name, "file": file, "outcome": "no log", "reason": why} for file, why in wrong.items()]
+    return {file: loop for file, loop in table.items() if file not in wrong}, rows
 
 
 def _file_of(name: str, taken: Mapping[str, object]) -> str:

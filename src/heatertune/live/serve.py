@@ -434,8 +434,8 @@ def read_folder(folder: str | Path) -> tuple[Words, FittedModel, Conditions]:
 def _server_of(protocol: str) -> Callable[[VirtualPlc, socket.socket], Any]:
     """Return what serves a protocol; only what is served is loaded."""
     module = import_module(f"heatertune.live.{protocol}_server")
-    found: Callable[[VirtualPlc, socket.socket], Any] = getattr(module, f"{protocol.capitalize()}Server")
-    return found
+    server: Callable[[VirtualPlc, socket.socket], Any] = getattr(module, f"{protocol.capitalize()}Server")
+    return server
 
 
 def _listening(port: int) -> socket.socket:

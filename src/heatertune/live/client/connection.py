@@ -100,7 +100,7 @@ def _s7(text: str) -> Address:
         raise _wrong(text, "s7", "no rack and slot")
     tsaps = [_TSAP.fullmatch(part) for part in rest]
     if all(tsaps):
-        way = tuple(int(found[1], 16) << 8 | int(found[2], 16) for found in tsaps if found)
+        way = tuple(int(match[1], 16) << 8 | int(match[2], 16) for match in tsaps if match)
         return Address(**where, way=way, by_tsap=True, block=block)
     rack, slot = (_whole(text, "s7", what, part, most)
                   for what, part, most in zip(("rack", "slot"), rest, (7, 31), strict=True))
@@ -119,11 +119,11 @@ def _modbus(text: str) -> Address:
 
 
 def _opcua(text: str) -> Address:
-    found = _NODE.search(text)  # a name may hold what ends the path of a URL
-    if found is None:
+    match = _NODE.search(text)  # a name may hold what ends the path of a URL
+    if match is None:
         raise _wrong(text, "opc.tcp", "no node")
-    where, path = _network(text, "opc.tcp", text[: found.start()])
-    node, block = found[1], None
+    where, path = _network(text, "opc.tcp", text[: match.start()])
+    node, block = match[1], None
     if _BLOCK.fullmatch(node):
         block = _block(text, "opc.tcp", node)
         node = f"ns=2;s=DB{block}"

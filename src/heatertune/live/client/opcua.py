@@ -64,8 +64,8 @@ class OpcuaClient(RequestConnection):
         what = f"reading {self._node(number)}"
 
         async def ask() -> bytes:
-            found = await self._value(number)
-            content, self._stamp = self._content(found, what), found.SourceTimestamp
+            value = await self._value(number)
+            content, self._stamp = self._content(value, what), value.SourceTimestamp
             if start + count > len(content):
                 raise self._refused(f"{what}, bytes {start} to {start + count}", f"it has {len(content)} bytes")
             return content[start : start + count]
@@ -109,9 +109,9 @@ class OpcuaClient(RequestConnection):
 
     async def _value(self, number: int, index_range: str | None = None) -> ua.DataValue:
         node = ua.ReadValueId(ua.NodeId.from_string(self._node(number)), ua.AttributeIds.Value, index_range)
-        found, = await self._library.uaclient.session.read(ua.ReadParameters(
+        value, = await self._library.uaclient.session.read(ua.ReadParameters(
             TimestampsToReturn=ua.TimestampsToReturn.Source, NodesToRead=[node]))
-        return found
+        return value
 
     def _content(self, data_value: ua.DataValue, what: str) -> bytes:
         """Return the bytes of a value."""
@@ -127,10 +127,10 @@ class OpcuaClient(RequestConnection):
         """Return the type of a block's variable; refuse where its server pays no heed to index ranges."""
 
         async def ask() -> ua.VariantType:
-            found = await self._value(number, "0")
-            if len(self._content(found, what)) != 1:
+            value = await self._value(number, "0")
+            if len(self._content(value, what)) != 1:
                 raise self._refused(what, "the server pays no heed to index ranges: it would write the whole block")
-            return found.Value.VariantType
+            return value.Value.VariantType
 
         if number not in self._ranges:
             self._ranges[number] = self._run(ask, f"reading byte 0 of {self._node(number)}")
@@ -184,8 +184,8 @@ class TagClient(OpcuaClient):
         if value.StatusCode.value != _GOOD:
             raise self._refused(what, f"{value.StatusCode.name}, {value.StatusCode.doc}")
         if value.Value is None or value.Value.VariantType != kind or value.Value.is_array:
-            found = "nothing" if value.Value is None else value.Value.VariantType.name
-            raise self._refused(what, f"it is {found}, not {kind.name}")
+            kind_name = "nothing" if value.Value is None else value.Value.VariantType.name
+            raise self._refused(what, f"it is {kind_name}, not {kind.name}")
         return value.Value.Value
 
     def write(self, number: int, start: int, content: bytes) -> None:

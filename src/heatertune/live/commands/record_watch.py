@@ -90,8 +90,8 @@ def zones_of(design: str | None, address: Address, numbers: str | None) -> Zones
     except ValueError:
         raise InputError(f"--zone-blocks {numbers}: expected whole numbers with commas between them, such as "
                          "100,110") from None
-    found: ZonesPlaces = import_module("heatertune.live.joint.zone_blocks").zones_places(design, address, blocks)
-    return found
+    places: ZonesPlaces = import_module("heatertune.live.joint.zone_blocks").zones_places(design, address, blocks)
+    return places
 
 
 def _run_record(settings: argparse.Namespace) -> int:
@@ -388,8 +388,8 @@ def _shown(
             figures = watch.seen
             band = "" if figures.band is None else f"; proven {figures.band[0]:.4g}…{figures.band[1]:.4g} °C"
             messages = (*figures.notes(), *(() if monitored is None else monitored.messages()))
-            found = f" NOT WELL: {messages[-1]}" if messages else ""
-            LINE.show(lambda: f"{live_line(so_far, time.monotonic() - start_s)}{band}{found}"[:118])
+            alarm = f" NOT WELL: {messages[-1]}" if messages else ""
+            LINE.show(lambda: f"{live_line(so_far, time.monotonic() - start_s)}{band}{alarm}"[:118])
 
     return shown
 
@@ -400,15 +400,15 @@ def _refitted(log: Path, proven: ProvenWords) -> dict[str, Any]:
         fitted = chain.fit(log)
     except HeatertuneError as problem:
         return {"message": f"the log does not tell the heater: {problem}"}
-    found = {}
+    table = {}
     for name in ("gain_degC_per_pct", "time_constant_s", "dead_time_s", "ambient_degC"):
         now, interval = getattr(fitted.model, name), fitted.ci95.get(name)
         was = getattr(proven.fitted_model.model, name)
         apart = interval is not None and (
             (interval.low is not None and was < interval.low) or (interval.high is not None and was > interval.high))
-        found[name] = {"was": was, "now": now, "low": interval and interval.low, "high": interval and interval.high,
+        table[name] = {"was": was, "now": now, "low": interval and interval.low, "high": interval and interval.high,
                        "moved": apart}
-    return {"message": fitted.outcome_text, "parameters": found}
+    return {"message": fitted.outcome_text, "parameters": table}
 
 
 def _lines_watch(document: Mapping[str, Any]) -> str:

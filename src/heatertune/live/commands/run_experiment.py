@@ -79,8 +79,8 @@ def _run_experiment(settings: argparse.Namespace) -> int:
                        reach=_reach(settings.design), in_manual=settings.in_manual)
     blind = () if whole.reach is not None else (
         f"no heater in {settings.design}: neither a frozen sensor nor a rise that no heater makes is noticed",)
-    found = (*whole.check(), *blind)
-    _agree(settings, whole, found)
+    checks = (*whole.check(), *blind)
+    _agree(settings, whole, checks)
     with end_requests(ALL_SIGNALS) as requests:
         ended = whole.run(settings.out, aims, ExperimentObserver(
             on_row=_shown(settings, whole), key=lambda: bool(requests), fit=_fit if aims.shares else None,

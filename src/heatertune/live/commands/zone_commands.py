@@ -109,13 +109,13 @@ def _mark(check: Check) -> str:
 
 def _further(settings: argparse.Namespace, wanted: ZonesWriteRequest, plan: ZonesPlan) -> Iterator[str]:
     """Yield the command line that writes, where nothing speaks against it."""
-    found = [check for each in plan.zones for check in each.checks]
-    if plan.no_order or any(check.ok is False for check in found):
+    checks = [check for each in plan.zones for check in each.checks]
+    if plan.no_order or any(check.ok is False for check in checks):
         return
     if not plan.order:
         yield "these words are in the PLC already"
         return
-    stated = " ".join(dict.fromkeys(check.option for check in found if check.ok is None))
+    stated = " ".join(dict.fromkeys(check.option for check in checks if check.ok is None))
     again = shlex.join([*settings.given, *stated.split(), "--apply", "--confirm", wanted.proven.yes])
     yield f"to write:\n  heatertune {again}"  # not wrapped: it is typed
 
@@ -159,21 +159,21 @@ def watch(settings: argparse.Namespace, address: Address) -> int:
     places = zones_of(settings.design, address, settings.zone_blocks)
     assert places is not None
     log = Path(settings.out or Path(settings.design) / f"watch_{datetime.now(UTC):%Y%m%d_%H%M%S}.csv")
-    found, unended = ZonesWatch(proven), Hold(address).message()
+    zones_watch, unended = ZonesWatch(proven), Hold(address).message()
     others = _others(proven, places.addresses)
     with end_requests() as requests:
         so_far = record(address, log, places, RecordingSetup(
             for_s=settings.for_s, append=settings.append, pwm_period_s=proven.design.pwm_period_s),
-            shown=_shown(settings, found), ended=lambda: bool(requests))
+            shown=_shown(settings, zones_watch), ended=lambda: bool(requests))
     LINE.end()
     messages = list(filter(None, (  # somebody may have written some meanwhile
-        unended or Hold(address).message(), unmoved_note(found.zones[0], found.settle_s, so_far),
+        unended or Hold(address).message(), unmoved_note(zones_watch.zones[0], zones_watch.settle_s, so_far),
         *(others or _others(proven, places.addresses)))))
-    well = found.well and not messages and not so_far.trouble
+    well = zones_watch.well and not messages and not so_far.trouble
     document = {"schema": "heatertune/zones-watch/1", "address": address.text, "log": str(log), "rows": so_far.rows,
                 "gaps": so_far.gaps, "lost": so_far.trouble or None, "well": well, "messages": messages,
-                "zones": [each.to_document() for each in found.zones]}
-    printing.output(settings, document, lambda: "\n".join(_of_watch(document, found, messages)))
+                "zones": [each.to_document() for each in zones_watch.zones]}
+    printing.output(settings, document, lambda: "\n".join(_of_watch(document, zones_watch, messages)))
     return 0 if well else 1
 
 

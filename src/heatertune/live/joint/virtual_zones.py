@@ -270,13 +270,13 @@ class ZonesServed(VirtualPlcServed):
 
     def zone_places(self) -> list[dict[str, object]]:
         """Return name, number of the data block and addresses (protocol → address) of each zone."""
-        found = []
+        places = []
         for number, name in enumerate(self.zones):
             urls = {protocol: f"s7://{host}:{port}/0/2/db{self.numbers[number]}" if protocol == "s7" else
                     f"modbus://{host}:{port}/1/{self.first_registers[number]}"
                     for protocol, (host, port) in self.addresses.items()}
-            found.append({"name": name, "block": self.numbers[number], "urls": urls})
-        return found
+            places.append({"name": name, "block": self.numbers[number], "urls": urls})
+        return places
 
 
 def virtual_zones(
@@ -353,11 +353,11 @@ def _timetable(design: ZonesDesign, texts: Sequence[str]) -> list[tuple[Schedule
         InputError: a fault without its zone, one of CPU or link with a zone, or one that the network does not have.
         UnknownName: no such zone or fault.
     """
-    found: list[list[ScheduledFault]] = [[] for _ in design.zones]
+    faults_by_zone: list[list[ScheduledFault]] = [[] for _ in design.zones]
     for text in texts:
         zone, fault = _zone_fault(design, text)
-        found[zone].append(fault)
-    return [tuple(each) for each in found]
+        faults_by_zone[zone].append(fault)
+    return [tuple(each) for each in faults_by_zone]
 
 
 def _zone_fault(design: ZonesDesign, text: str) -> tuple[int, ScheduledFault]:

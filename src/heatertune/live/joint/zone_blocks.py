@@ -170,13 +170,13 @@ class ZonesPoller(Poller):
 
     def read_signals(self, client: Client, number: int) -> tuple[dict[str, float], bytes]:
         """Return the quantities of all zones as they are now, and the bytes that were read; errors as `Client.read`."""
-        found, contents = dict[str, float](), b""
+        signals, contents = dict[str, float](), b""
         begin, count = self._places.span
         for zone, address, block in zip(self._zones.zones, self._zones.addresses, self._zones.blocks, strict=True):
             is_block = address.protocol == "s7"
             shift = 0 if is_block else 2 * ((address.block or 0) - (self._zones.addresses[0].block or 0))
             content = client.read((address.block or 0) if is_block else number, begin + shift, count)
-            found |= {f"{zone} {role}": block.signals[role].of(content, begin)
-                      for role in ROLES if role in block.signals}
+            signals |= {f"{zone} {role}": block.signals[role].of(content, begin)
+                        for role in ROLES if role in block.signals}
             contents += content
-        return found, contents
+        return signals, contents

@@ -76,8 +76,8 @@ def in_order(
         if why.get(done):
             return None
         for number in range(len(parts)):
-            if number not in done and not why.get(done | {number}) and (found := reached((*order, number))):
-                return found
+            if number not in done and not why.get(done | {number}) and (sequence := reached((*order, number))):
+                return sequence
         return None
 
     order = reached(())
@@ -163,10 +163,10 @@ def plan_write(wanted: WriteRequest, peer: Peer) -> WritePlan:
     proven, there = wanted.proven_words, peer.standing
     first = peer.look()
     looks = first, peer.later(first, _SCANS)
-    look, found = looks[1], checks(proven, there, looks, wanted.declared)
-    is_block = found[0].ok is True
-    kept = there.block.operators if wanted.declared.in_manual else ()
-    after = {**look.values, **{name: proven.words.values[name] for name in there.own if name not in kept}}
+    look, results = looks[1], checks(proven, there, looks, wanted.declared)
+    is_block = results[0].ok is True
+    operator_words = there.block.operators if wanted.declared.in_manual else ()
+    after = {**look.values, **{name: proven.words.values[name] for name in there.own if name not in operator_words}}
     parts, no_order = there.parts(look.content, after) if is_block else [], ""
     if not wanted.declared.in_manual:
         try:
@@ -179,7 +179,7 @@ def plan_write(wanted: WriteRequest, peer: Peer) -> WritePlan:
         now = _now(wanted, there, look)
         then = Side(source=proven.directory, kind="words", words=proven.words, proof=proven.proof)
         apart = difference(now, then)
-    return WritePlan(look=look, checks=found, before=look.values, after=after, parts=parts, no_order=no_order,
+    return WritePlan(look=look, checks=results, before=look.values, after=after, parts=parts, no_order=no_order,
                    difference=apart, undone_by=there.block.undone_by)
 
 

@@ -99,8 +99,8 @@ class BlockImage:
 
     def values(self, content: bytes) -> dict[str, Number]:
         """Return every word in the bytes of the block; a whole number is one."""
-        found = {name: self._of(content, signal) for name, signal in self.block.words.items()}
-        return {name: value if self.block.words[name].format == "REAL" else int(value) for name, value in found.items()}
+        raw = {name: self._of(content, signal) for name, signal in self.block.words.items()}
+        return {name: value if self.block.words[name].format == "REAL" else int(value) for name, value in raw.items()}
 
     def bits(self, content: bytes) -> dict[str, int]:
         """Return the words of one bit that the program around does not write; they are looked at alone."""
@@ -115,8 +115,8 @@ class BlockImage:
 
     def interval_s(self, content: bytes) -> float | None:
         """Return the interval at which the controller is called, where words in the block tell it [s]."""
-        found, rule = {**self.values(content), **self.bits(content)}, self.controller.interval_s
-        return None if rule is None or any(field.name not in found for field in self.controller.fields) else rule(found)
+        words, rule = {**self.values(content), **self.bits(content)}, self.controller.interval_s
+        return None if rule is None or any(field.name not in words for field in self.controller.fields) else rule(words)
 
     def signal(self, content: bytes, role: str) -> float:
         """Return a signal of the block, see `heatertune.live.controller_block.ServedBlock`."""

@@ -141,12 +141,12 @@ def record_outcome(lines: Lines, look: BlockSnapshot) -> str:
 def became(before: Before, look: BlockSnapshot) -> WriteEnd:
     """Return what became of a write, by its record's last line and what stands in the PLC."""
     names = [name for part in before.parts for name in part.names]
-    outcome, found = stands(before.before, before.after, look.values, names)
+    outcome, state = stands(before.before, before.after, look.values, names)
     last = before.lines.steps[-1] if before.lines.steps else before.lines.begin
     if before.lines.complete:
-        return WriteEnd(outcome, f"it ended at {last['at']}, {last['outcome']}: {last['message']}; now {found}",
+        return WriteEnd(outcome, f"it ended at {last['at']}, {last['outcome']}: {last['message']}; now {state}",
                         look.values)
-    return WriteEnd(outcome, f"it broke off at {last['at']} after the step {last['step']!r}; {found}", look.values)
+    return WriteEnd(outcome, f"it broke off at {last['at']} after the step {last['step']!r}; {state}", look.values)
 
 
 def inspect_write(before: Before, link: LinkSettings | None = None) -> WriteEnd:
@@ -217,8 +217,8 @@ def rolled_back(
             that is under way, an experiment on it that has not ended, or the record cannot be written.
     """
     if yes is None or len(yes) < LEAST_YES or not str(before.lines.begin["sha256"]).startswith(yes.lower()):
-        found = "it was not said" if yes is None else f"found {yes!r}"
-        raise InputError(f"--confirm: {found}; expected the first digits of the digest, {before.yes}")
+        entry = "it was not said" if yes is None else f"found {yes!r}"
+        raise InputError(f"--confirm: {entry}; expected the first digits of the digest, {before.yes}")
     budget = Budget(before.address, before.image.number, most_writes)
     peer = Peer(before.address, before.image, before.interval_s, link)
     hold = Hold(before.address, peer.clock)
@@ -251,15 +251,15 @@ def _demand_own_hold(hold: Hold, before: Before) -> None:
     Raises:
         InputError: one has not; the message names its end.
     """
-    found = hold.way_back()
-    if found is not None and (found.command == "experiment" or Path(found.record) != before.lines.path.absolute()):
-        raise InputError(found.message)
+    way = hold.way_back()
+    if way is not None and (way.command == "experiment" or Path(way.record) != before.lines.path.absolute()):
+        raise InputError(way.message)
 
 
 def _is_before(before: Before, ended: WriteEnd) -> bool:
     """Return whether the words that were to change are as they were."""
-    found = ended.stands or {}
-    return all(found.get(name) == before.before[name] for part in before.parts for name in part.names)
+    values = ended.stands or {}
+    return all(values.get(name) == before.before[name] for part in before.parts for name in part.names)
 
 
 T = TypeVar("T")
@@ -289,9 +289,9 @@ def write_records(paths: Sequence[str | Path], directory: str | Path) -> WriteHi
         if files.count(file) > 1:
             raise InputError(f"--record {path}: is named twice")
         before = before_of(path)
-        found = before.lines.begin["digest"]
-        if found != digest:
-            raise InputError(f"{path}: the record of another proof, {_short(found)}; that in {proof} is "
+        digest_of_record = before.lines.begin["digest"]
+        if digest_of_record != digest:
+            raise InputError(f"{path}: the record of another proof, {_short(digest_of_record)}; that in {proof} is "
                              f"{_short(digest)}: name the folder whose words were written")
         _demand_whole(before, words)
         passages += _passages(before, words)
@@ -373,7 +373,7 @@ def _passage(before: Before, words: Words, steps: Sequence[Step]) -> Passage:
     end = _read(before, _WriteEndLine, last) if last["step"] == "end" else _WriteEndLine(
         at="", outcome="unknown", stands=None,
         message=f"the record breaks off after the step {last['step']!r}; heatertune rollback {path.name} asks the PLC")
-    found = before.before if is_write else begin.stands or None
+    as_found = before.before if is_write else begin.stands or None
     lost = sum(step["step"] == "no answer" for step in steps)
     notes = [f"{lost} {'answer was' if lost == 1 else 'answers were'} lost; the parameters were read from the PLC "
              "again."]
@@ -382,8 +382,8 @@ def _passage(before: Before, words: Words, steps: Sequence[Step]) -> Passage:
         simulated=head.simulated, version=head.version, begun=_instant(before, begin.at),
         ended=_instant(before, end.at) if end.at else None, outcome=end.outcome, message=end.message,
         observations=tuple(f"{each.get('name')}: {each.get('message')}" for each in begin.checks),
-        notes=tuple(notes if lost else ()), as_found=found, left=end.stands,
-        quantities=_quantities(words, found, end.stands), watch=_watch(before, steps))
+        notes=tuple(notes if lost else ()), as_found=as_found, left=end.stands,
+        quantities=_quantities(words, as_found, end.stands), watch=_watch(before, steps))
 
 
 def _read(before: Before, kind: type[T], step: Step) -> T:
@@ -436,9 +436,9 @@ def _watch(before: Before, steps: Sequence[Step]) -> Watch | None:
         return None
     columns = np.array(rows)
     _, readings, low, high, _ = columns.T
-    kept = np.zeros(len(rows), dtype=bool)
-    kept[np.linspace(0, len(rows) - 1, min(len(rows), _DRAWN)).astype(int)] = True
-    kept |= (readings < low) | (readings > high)
-    kept[[int(np.argmin(readings)), int(np.argmax(readings))]] = True
-    time_s, readings, low, high, setpoint_degC = map(tuple, columns[kept].T.tolist())
+    selection = np.zeros(len(rows), dtype=bool)
+    selection[np.linspace(0, len(rows) - 1, min(len(rows), _DRAWN)).astype(int)] = True
+    selection |= (readings < low) | (readings > high)
+    selection[[int(np.argmin(readings)), int(np.argmax(readings))]] = True
+    time_s, readings, low, high, setpoint_degC = map(tuple, columns[selection].T.tolist())
     return Watch(time_s=time_s, temperature_degC=readings, low_degC=low, high_degC=high, setpoint_degC=setpoint_degC)

@@ -252,10 +252,10 @@ class Writer:
             while change.pending and (left_s := self._hold.left_s):
                 self._progress(f"looking for {left_s:.0f} s more whether {', '.join(sorted(change.pending))} arrive")
                 self._clock.sleep(min(_PAUSE_S, left_s))
-                found = self.peer.look().values
-                if arrived := {name for name in change.pending if change.is_written(name, found[name])}:
+                values = self.peer.look().values
+                if arrived := {name for name in change.pending if change.is_written(name, values[name])}:
                     change.pending.difference_update(arrived)
-                    self._noted("arrived late", stands=dict(found))
+                    self._noted("arrived late", stands=dict(values))
 
     def _late(self, change: _Change, ended: WriteEnd) -> WriteEnd | None:
         """Look at the PLC until no request can still arrive.
@@ -274,11 +274,11 @@ class Writer:
                 if left_s := self._hold.left_s:
                     self._progress(f"looking for {left_s:.0f} s more whether a request without an answer still arrives")
                     self._clock.sleep(min(_PAUSE_S, left_s))
-                found = self.peer.look().values
-                if self._has_arrived(change, ended, found):
+                values = self.peer.look().values
+                if self._has_arrived(change, ended, values):
                     return None
                 if not left_s:  # the look was later than the last instant at which anything can arrive
-                    return self._nothing_more(change, replace(ended, stands=found))
+                    return self._nothing_more(change, replace(ended, stands=values))
         except KeyboardInterrupt:
             raise LinkDown("interrupted while a request without an answer may still arrive") from None
 
@@ -339,19 +339,19 @@ class Writer:
 
     def _demand_stored(self, names: Sequence[str], change: _Change) -> None:
         """Look at words that were just written; raise `_Stopped` where the device keeps other values in their place."""
-        found = self.peer.look().values
+        values = self.peer.look().values
         for name in names:
-            if found[name] == change.before[name] != change.after[name]:
+            if values[name] == change.before[name] != change.after[name]:
                 change.pending.add(name)
                 continue
             change.pending.discard(name)
-            if not change.is_written(name, found[name]):
-                change.stored[name] = found[name]
+            if not change.is_written(name, values[name]):
+                change.stored[name] = values[name]
         if change.stored:
             self._own_stored(change)
-            kept = ", ".join(f"{name} = {value:g} in place of {change.after[name]:g}"
-                             for name, value in change.stored.items())
-            raise _Stopped(f"the device keeps {kept}: a limit of its own, or a scale")
+            differences = ", ".join(f"{name} = {value:g} in place of {change.after[name]:g}"
+                                    for name, value in change.stored.items())
+            raise _Stopped(f"the device keeps {differences}: a limit of its own, or a scale")
 
         if not change.pending:
             self._hold.note_stored()
