@@ -258,7 +258,7 @@ class Diagnosis:
     def excess(self) -> float:
         """How far the loop is beyond what is accepted; below 1 it is well."""
         if self.faults:
-            return max(found.excess for found in self.faults)
+            return max(fault.excess for fault in self.faults)
         return min(0.99, (self.worse or 1.0) / _WORSE)
 
     @property
@@ -386,12 +386,12 @@ def _longer(loop: LoopEntry, fitted: FittedModel | None, course: RegularLog, per
         return None
     most = max(plant.dead_time_s for plant in fitted.plants)
     shortest = SWITCHES[loop.switch].shortest_s
-    found = propose_period(
+    proposal = propose_period(
         fitted.plants, kind=loop.switch, sample_time_s=max(most, shortest),
         setpoint_degC=float(course.setpoint_degC[-1]),
         ambient_degC=ROOM_DEGC if fitted.model.ambient_degC is None else fitted.model.ambient_degC,
         ripple_degC_most=_RIPPLE * course.least_degC)
-    return max(shortest, float(math.floor(found.period_s)))
+    return max(shortest, float(math.floor(proposal.period_s)))
 
 
 def _faults(
@@ -533,7 +533,7 @@ def _request_for(diagnosis: Diagnosis, loop: LoopEntry, request: DesignRequest) 
     if conditions.setpoint_degC is None:
         conditions = replace(conditions, setpoint_degC=round(float(diagnosis.course.setpoint_degC.max()), 6))
     kind, tuned = request.switch_kind or loop.switch, request.tune_settings
-    if conditions.pwm_period_s is None and any(found.cause is Cause.WEAR for found in diagnosis.faults):
+    if conditions.pwm_period_s is None and any(fault.cause is Cause.WEAR for fault in diagnosis.faults):
         conditions = replace(conditions, pwm_period_s=diagnosis.longer_period_s)
         tuned = replace(tuned, sample_time_s=tuned.sample_time_s or diagnosis.longer_period_s)
     elif conditions.pwm_period_s is None and kind is None:

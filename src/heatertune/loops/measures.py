@@ -166,8 +166,8 @@ def swings(course: RegularLog, events_s: Sequence[float], shortest_s: float = 0.
         shortest_s: half a cycle that is shorter is not the loop's: nothing answers within its dead time [s].
     """
     bounds = [*sorted(set(events_s)), float(course.time_s[-1])]
-    found = [_half_cycles(course, start, end, shortest_s) for start, end in pairwise(bounds)]
-    return max(found, key=lambda entry: entry.count * entry.even, default=Swings(
+    candidates = [_half_cycles(course, start, end, shortest_s) for start, end in pairwise(bounds)]
+    return max(candidates, key=lambda entry: entry.count * entry.even, default=Swings(
         count=0, period_s=0.0, size_degC=0.0, even=False))
 
 
