@@ -114,8 +114,8 @@ def _fitted(
     above = np.column_stack([sign * u, -sign * r, np.ones(len(m))])
     near = np.column_stack([sign * points[:, 1] / units[2], -sign * points[:, 0] / units[1], np.ones(len(points))])
     cost = near.mean(axis=0) + _ALL_WEIGHT * above.mean(axis=0)
-    found = linprog(cost, A_ub=-above, b_ub=-m, bounds=[(0.0, None), (0.0, None), (None, None)], method="highs")
-    gain, loss, rest = found.x if found.success else (0.0, 0.0, float(m.max()))
+    solution = linprog(cost, A_ub=-above, b_ub=-m, bounds=[(0.0, None), (0.0, None), (None, None)], method="highs")
+    gain, loss, rest = solution.x if solution.success else (0.0, 0.0, float(m.max()))
     return gain * units[0] / units[2], loss * units[0] / units[1], rest * units[0]
 
 
@@ -418,7 +418,7 @@ def _with_windows(
     bench: Bench, numbers: Numbers, runs: Sequence[Ran], blocks: dict[bool, int], margin: float
 ) -> Numbers:
     """Return the numbers with those of the windows: both planes have one scale."""
-    found = False
+    has_window = False
     for largest, length in blocks.items():
         if not length:
             continue
@@ -426,12 +426,12 @@ def _with_windows(
         plane = plane_of(rows, _points(bench, numbers, length, largest=largest), largest=largest, share=margin,
                          more=float(numbers.block))
         if plane is not None:
-            found = True
+            has_window = True
             of = "fast" if largest else "slow"
             numbers = numbers._replace(**{
                 f"{of}_blocks": length, f"{of}_scale": plane.scale, f"{of}_gain": plane.gain,
                 f"{of}_loss": plane.loss, f"{of}_rest": plane.rest})
-    if not found:
+    if not has_window:
         raise InputError("no monitor: the movements of heaters in order do not fit into 32 bits; a shorter TA may help")
     return numbers
 

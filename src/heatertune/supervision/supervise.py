@@ -288,10 +288,10 @@ def _late(rule: Rule, records: Sequence[_Record]) -> float:
 
 
 def _soonest(rules: Iterator[Any], records: Sequence[_Record], none: str) -> Any:
-    found = [(_late(rule, records), number, rule) for number, rule in enumerate(rules)]
-    if not found:
+    trips = [(_late(rule, records), number, rule) for number, rule in enumerate(rules)]
+    if not trips:
         raise InputError(none)
-    return min(found)[2]
+    return min(trips)[2]
 
 
 def _needed(rule: Rule, stories: Sequence[_Record]) -> float:
