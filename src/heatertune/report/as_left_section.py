@@ -37,9 +37,9 @@ _NOT_KNOWN: Final = "not known"
 
 def written(documents: Mapping[str, Document]) -> str:
     """Return each write to the PLC as HTML; empty if there was none."""
-    found = documents.get("written")
-    return "" if found is None else "<h2>Written into the PLC</h2>" + "".join(
-        _passage(one, documents["words"]) for one in found["passages"])
+    record = documents.get("written")
+    return "" if record is None else "<h2>Written into the PLC</h2>" + "".join(
+        _passage(one, documents["words"]) for one in record["passages"])
 
 
 def writes_brief(document: Document, page: str) -> str:

@@ -61,9 +61,9 @@ def glossary(body: str) -> str:
     Args:
         body: HTML of the page.
     """
-    found = terms_in(html.unescape(_UNREAD.sub(" ", body)))
-    lines = "".join(f"<dt>{text_of(', '.join(term.names[:2]))}</dt><dd>{text_of(term.meaning)}</dd>" for term in found)
-    return f'<h2>Terms</h2><dl class="terms">{lines}</dl>' if found else ""
+    terms = terms_in(html.unescape(_UNREAD.sub(" ", body)))
+    lines = "".join(f"<dt>{text_of(', '.join(term.names[:2]))}</dt><dd>{text_of(term.meaning)}</dd>" for term in terms)
+    return f'<h2>Terms</h2><dl class="terms">{lines}</dl>' if terms else ""
 
 
 Documents = Mapping[str, Document]
@@ -270,11 +270,11 @@ def _site(documents: Documents) -> str:
 
 def remedies(documents: Documents) -> str:
     """Return the troubleshooting steps, and how to restore the old parameters."""
-    found = commissioning(documents["words"]["target"]).steps
-    others = [title for title in found if title not in _INTO_SERVICE]
+    steps = commissioning(documents["words"]["target"]).steps
+    others = [title for title in steps if title not in _INTO_SERVICE]
     search = bullets(search_notes(documents["words"]))
     how = f"<h2>How the parameters were found</h2>{search}" if search else ""
-    return f"<h2>Troubleshooting</h2>{_steps(found, others)}{how}"
+    return f"<h2>Troubleshooting</h2>{_steps(steps, others)}{how}"
 
 
 def _steps(steps_by_title: Mapping[str, Sequence[str]], titles: Sequence[str]) -> str:
@@ -366,10 +366,10 @@ def render(documents: Documents, drawn: Mapping[str, str] | None = None) -> str:
     proven = [words["target"], words["words"], words["sample_time_s"]]
     mark = hashlib.sha256(json.dumps(proven, sort_keys=True).encode()).hexdigest()[:16]
     signed = record(documents)
-    found = "\n".join(f"<section>{part}</section>" for name, section in _APPENDIX.items()
-                      if (part := (drawn or {}).get(name) or section(documents)))
-    terms = f"<section>{glossary(signed + found)}</section>"
-    appendix = f'<div class="appendix"><h1>Appendix: how it was found</h1>\n{found}\n{terms}</div>'
+    sections = "\n".join(f"<section>{part}</section>" for name, section in _APPENDIX.items()
+                         if (part := (drawn or {}).get(name) or section(documents)))
+    terms = f"<section>{glossary(signed + sections)}</section>"
+    appendix = f'<div class="appendix"><h1>Appendix: how it was found</h1>\n{sections}\n{terms}</div>'
     body = f'<div class="record">{signed}</div>\n{appendix}'
     return page(title, body, mark=mark, foot=head(documents))
 

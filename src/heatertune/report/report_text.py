@@ -287,8 +287,8 @@ def samples_rows(samples: Document) -> list[tuple[str, ...]]:
     for name, spot in samples["criteria"].items():
         numbers = ["never" if spot[key] is None else figure(spot[key]) for key in ("median", "p95", "p99", "worst")]
         limit = "" if spot["limit"] is None else f"{spot.get('bound', '<=')} {figure(spot['limit'])}"
-        kept = "" if spot["limit"] is None else f"{100.0 * spot['passing']:.4g} %"
-        rows.append((readable_name(name), *numbers, limit, spot["unit"], kept))
+        share = "" if spot["limit"] is None else f"{100.0 * spot['passing']:.4g} %"
+        rows.append((readable_name(name), *numbers, limit, spot["unit"], share))
     return rows
 
 

@@ -130,8 +130,8 @@ def _way_on(proof: Document, remedy: str | None) -> str:
 
 def _fails_on_samples(proof: Document) -> bool:
     """Whether only sampled heaters break the limits."""
-    kept = all(criterion["ok"] for criterion in proof["criteria"].values())
-    return kept and proof["verdict"] == "FAIL" and "samples" in proof
+    is_within_limits = all(criterion["ok"] for criterion in proof["criteria"].values())
+    return is_within_limits and proof["verdict"] == "FAIL" and "samples" in proof
 
 
 def _of_samples(samples: Document, *, closed_loop: bool = False) -> str:
