@@ -111,10 +111,10 @@ def compare_with_proof(standing: FrontDesign, log: Log, about: AsLeftSettings, p
 def left_sentence(left: AsLeft, verdict: str) -> str:
     """Return what the trace shows as one sentence that can be read out; `verdict`: of the proof."""
     figure_count = sum(line.measured is not None for line in left.measurements)
-    kept = ("the curve is inside of what the proven runs do, and each of the "
-            f"{figure_count} figures that the trace shows is no worse than proven.")
+    assurance = ("the curve is inside of what the proven runs do, and each of the "
+                 f"{figure_count} figures that the trace shows is no worse than proven.")
     proof = "" if verdict == "PASS" else f" The proof of these words is itself {verdict}."
-    return for_page(f"{left.verdict}: {' '.join(left.messages) or kept}{proof}")
+    return for_page(f"{left.verdict}: {' '.join(left.messages) or assurance}{proof}")
 
 
 def figures(left: AsLeft) -> str:
@@ -286,15 +286,15 @@ class Work:
     async def open(self, source: str) -> None:
         """Read a path or built-in table and fit it; a folder has its heater, settings and design."""
         try:
-            found = await asyncio.to_thread(read_source, source)
+            design = await asyncio.to_thread(read_source, source)
         except HeatertuneError as problem:
             self.session.refuse_file(problem)
             self.tell()
             return
-        if found.fitted is None:
-            await self._fit(found.log)
+        if design.fitted is None:
+            await self._fit(design.log)
         else:
-            self.session.load(found)
+            self.session.load(design)
             await self.look()
 
     async def take(self, log: Log, settings: FitSettings) -> None:

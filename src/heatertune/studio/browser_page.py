@@ -66,8 +66,8 @@ class LeftCard:
         self._card.set_visibility(left is not None)
         if left is not None:
             self._sentence.set_text(left_sentence(left, verdict))
-            kept = (left.verdict, verdict) == ("AS PROVEN", "PASS")
-            self._sentence.classes(remove="pass fail", add="pass" if kept else "fail")
+            is_as_proven = (left.verdict, verdict) == ("AS PROVEN", "PASS")
+            self._sentence.classes(remove="pass fail", add="pass" if is_as_proven else "fail")
             self._figures.set_content(figures(left))
             draw(self._chart, left_chart(left))
 

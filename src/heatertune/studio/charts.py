@@ -73,14 +73,14 @@ DRAGGED: Final = """(e) => { const svg = e.target.closest && e.target.closest(".
 
 def log_chart(log: Log, fitted: FittedModel) -> Options:
     """Return log, model and the band in which 95 % of the model's errors lie."""
-    kept = downsample(log.time_s, log.temperature_degC, _PIXELS)
-    measured = line_series("log", log.time_s[kept], log.temperature_degC[kept], "log")
+    points = downsample(log.time_s, log.temperature_degC, _PIXELS)
+    measured = line_series("log", log.time_s[points], log.temperature_degC[points], "log")
     lines = [_named(measured, "log", lower=-1)]  # both end at one point
     residuals = fitted.residuals
     if residuals is not None:
         wide = _BAND * float(np.sqrt(np.mean((residuals.measured_degC - residuals.simulated_degC) ** 2)))
-        kept = downsample(residuals.time_s, residuals.simulated_degC, _PIXELS)
-        time, simulated = residuals.time_s[kept], residuals.simulated_degC[kept]
+        points = downsample(residuals.time_s, residuals.simulated_degC, _PIXELS)
+        time, simulated = residuals.time_s[points], residuals.simulated_degC[points]
         model = line_series("model", time, simulated, "model")
         lines += [*_band(time, simulated - wide, simulated + wide), _named(model, "model")]
     return line_chart("time [s]", "temperature [°C]", lines)
@@ -117,8 +117,8 @@ def _path(
 ) -> str:
     (low, high), (top, bottom) = range_, place
     time, values = step_corners(time, values) if fixed else (time, values)
-    kept = downsample(time, values, _WIDE // 2)
-    x, y = time[kept], values[kept]
+    points = downsample(time, values, _WIDE // 2)
+    x, y = time[points], values[points]
     across = (x - time[0]) / (time[-1] - time[0]) * _WIDE
     down = bottom - (y - low) / max(high - low, 1e-9) * (bottom - top)
     return f'<polyline class="{kind}" points="{_points(across, down)}"/>'
@@ -217,9 +217,9 @@ def loop_chart(
     words["markArea"] = _walls(picture, low - room, high + room)
     words["markLine"] = _setpoint_and_parts(picture)
     request = step_corners(nominal.time_s, nominal.power_asked_pct)
-    kept = downsample(picture.place(request[0]), request[1], detail.pixels)
+    points = downsample(picture.place(request[0]), request[1], detail.pixels)
     share = detail.within_pct / max(float(np.ptp(request[1])), detail.within_pct)
-    power = _over(picture, "requested power", (request[0][kept], request[1][kept]), "realised", share)
+    power = _over(picture, "requested power", (request[0][points], request[1][points]), "realised", share)
     crowd = [_crowd(picture)] if picture.crowd else []
     second = {"xAxisIndex": 1, "yAxisIndex": 1}
     options = _two_grids([*crowd, *lines, power | second], picture, end_s=float(nominal.time_s[-1]))
@@ -234,8 +234,8 @@ def zooms(picture: Picture) -> list[tuple[str, float, float]]:
     begins = picture.place([part.begin_s for part in picture.parts]).tolist()
     ends = [*begins[1:], float(picture.place(picture.parts[-1].end_s))]
     names = (f"{number} {part.name}" for number, part in enumerate(picture.parts, 1))
-    found = zip(names, begins, ends, strict=True)
-    return [("whole story", 0.0, ends[-1]), *((name, begin, end - 1e-3 * (end - begin)) for name, begin, end in found)]
+    phases = zip(names, begins, ends, strict=True)
+    return [("whole story", 0.0, ends[-1]), *((name, begin, end - 1e-3 * (end - begin)) for name, begin, end in phases)]
 
 
 def key_of(look: LoopView, picture: Picture, pinned: Sequence[PinnedDesign] = ()) -> list[tuple[str, str, str]]:
@@ -255,8 +255,8 @@ def _over(
 ) -> Options:
     """Return a line over the picture's axis, without points that nobody would miss, `within` of its span."""
     across, values = picture.place(line[0]), line[1]
-    kept = straight(across, values, within * float(np.ptp(values)), pieces)
-    return line_series(name, across[kept], values[kept], look, **right)
+    points = straight(across, values, within * float(np.ptp(values)), pieces)
+    return line_series(name, across[points], values[points], look, **right)
 
 
 def _worst(picture: Picture, line: Line, within: float) -> Options:

@@ -304,11 +304,11 @@ def find_design(fitted: FittedModel, settings: StudioSettings, progress: Progres
         InputError: no design keeps the limits.
         NotRepresentable: as in `first_look`.
     """
-    found = find_passing_design(fitted, _request(settings), progress=progress)
-    return DesignOutcome(result=found, gains=CandidateWords(
-        design=found.ideal, words=found.proof.words, notes=(*found.choice.search.notes, *found.notes),
-        search=partial(search_document, found.choice, fitted, found.notes),
-        recipe=found.recipe, conditions=found.conditions, proof=found.proof))
+    result = find_passing_design(fitted, _request(settings), progress=progress)
+    return DesignOutcome(result=result, gains=CandidateWords(
+        design=result.ideal, words=result.proof.words, notes=(*result.choice.search.notes, *result.notes),
+        search=partial(search_document, result.choice, fitted, result.notes),
+        recipe=result.recipe, conditions=result.conditions, proof=result.proof))
 
 
 def _request(settings: StudioSettings) -> DesignRequest:

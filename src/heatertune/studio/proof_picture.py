@@ -44,11 +44,11 @@ def downsample(across: Array, values: Array, pixels: int) -> Places:
     first = np.flatnonzero(np.diff(pixel, prepend=-1))
     last = np.append(first[1:], len(across)) - 1
     inside = last - first + 1
-    kept = np.zeros(len(across), dtype=np.bool_)
-    kept[first] = kept[last] = True
+    selection = np.zeros(len(across), dtype=np.bool_)
+    selection[first] = selection[last] = True
     for extreme in (np.minimum, np.maximum):
-        kept |= values == np.repeat(extreme.reduceat(values, first), inside)
-    return np.flatnonzero(kept)
+        selection |= values == np.repeat(extreme.reduceat(values, first), inside)
+    return np.flatnonzero(selection)
 
 
 def step_corners(time: Array, values: Array) -> tuple[Array, Array]:
@@ -67,19 +67,19 @@ def straight(across: Array, values: Array, within: float, begun: int = 1) -> Pla
     U. Ramer, "An iterative procedure for the polygonal approximation of plane curves" (1972), distances taken along
     the values.
     """
-    kept = np.zeros(len(across), dtype=np.bool_)
-    kept[[0, -1]] = True
-    kept[np.searchsorted(across, np.linspace(across[0], across[-1], begun + 1)[1:-1])] = True
-    ends = np.flatnonzero(kept)
+    selection = np.zeros(len(across), dtype=np.bool_)
+    selection[[0, -1]] = True
+    selection[np.searchsorted(across, np.linspace(across[0], across[-1], begun + 1)[1:-1])] = True
+    ends = np.flatnonzero(selection)
     begin, end = ends[:-1], ends[1:]
     while len(begin):  # all pieces at once, level by level
         begin, end = begin[end - begin > 1], end[end - begin > 1]
         worst, off = _farthest(across, values, begin, end)
         far = off > within
         begin, end, worst = begin[far], end[far], worst[far]
-        kept[worst] = True
+        selection[worst] = True
         begin, end = np.concatenate([begin, worst]), np.concatenate([worst, end])
-    return np.flatnonzero(kept)
+    return np.flatnonzero(selection)
 
 
 def _farthest(across: Array, values: Array, begin: Places, end: Places) -> tuple[Places, Array]:
@@ -208,8 +208,8 @@ def picture_of(proof: Proof, before_run: Callable[[], object] = bool, *, crowd: 
     for run in range(runs if runs > 1 else 0):
         before_run()
         time, temperature = course_of(proof.trace(run), proof, _PIXELS_BEHIND)
-        kept = straight(_place(time, gaps), temperature, _WITHIN * float(np.ptp(temperature)))
-        line = np.round(time[kept]).astype(np.intp), np.round(temperature[kept], 1)
+        points = straight(_place(time, gaps), temperature, _WITHIN * float(np.ptp(temperature)))
+        line = np.round(time[points]).astype(np.intp), np.round(temperature[points], 1)
         lines[line[0].tobytes() + line[1].tobytes()] = line
     run = proof.worst_run
     worst = None if run == 0 else (proof.runs[run].label, course_of(proof.worst, proof))
@@ -235,16 +235,16 @@ def course_of(trace: Trace, proof: Proof, pixels: int = _PIXELS, *, coarse: bool
     gaps = torn(proof)
     is_visible = np.all([(time <= begin) | (time >= end) for begin, end in gaps], axis=0)
     time, temperature = time[is_visible], temperature[is_visible]
-    kept = downsample(_place(time, gaps), temperature, pixels)
-    return time[kept], temperature[kept]
+    points = downsample(_place(time, gaps), temperature, pixels)
+    return time[points], temperature[points]
 
 
 def _without_search(trace: Trace) -> Line:
     """Return a run at its scans and where its stretches begin, of shape (n,): what is known of it already."""
     parts = []
     for instants, values in ((trace.stretches[:, 0], trace.stretches[:, 1]), (trace.time_s, trace.temperature_degC)):
-        kept = slice(None, None, math.ceil(len(instants) / _SCANS))
-        parts.append((instants[kept], values[kept]))
+        stride = slice(None, None, math.ceil(len(instants) / _SCANS))
+        parts.append((instants[stride], values[stride]))
     time, temperature = (np.concatenate(column) for column in zip(*parts, strict=True))
     order = np.argsort(time, kind="stable")
     inside = order[time[order] <= trace.time_s[-1]]

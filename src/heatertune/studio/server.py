@@ -118,10 +118,10 @@ class SearchProcess:
         if (pool := self._pool) is not None:
             self._newest.value = number = self._newest.value + 1
             try:
-                found = pool.submit(_numbered_optimum, number, fitted, settings)
+                future = pool.submit(_numbered_optimum, number, fitted, settings)
                 while True:
                     try:
-                        return found.result(_POLL_S)
+                        return future.result(_POLL_S)
                     except TimeoutError:
                         progress("searching the optimum")
             except (BrokenProcessPool, OSError):

@@ -92,14 +92,14 @@ def read_source(source: str) -> LogSource:
     settings = StudioSettings(target=documents["words"]["target"], structure=documents["pid"]["structure"])
     if recipe is None:
         return LogSource(log=log, settings=settings, fitted=fitted)
-    found = _folder_design(design, fitted, recipe, source)
+    outcome = _folder_design(design, fitted, recipe, source)
     words, verdict = documents["words"]["words"], documents["proof"]["verdict"]
-    if dict(found.gains.words.values) != words or found.result.proof.verdict != verdict:
+    if dict(outcome.gains.words.values) != words or outcome.result.proof.verdict != verdict:
         return LogSource(log=log, settings=settings, fitted=fitted, as_left=(
             f"{source}: another design is shown: its {verdict} is of other words or runs than its pid.json makes"))
     lost = ", ".join(_without_place(recipe))
     return LogSource(
-        log=log, settings=_as_made(settings, design, recipe), fitted=fitted, outcome=found,
+        log=log, settings=_as_made(settings, design, recipe), fitted=fitted, outcome=outcome,
         as_left=f"{source}: the page has no place for {lost}; moving a setting leaves that out" if lost else "")
 
 
@@ -311,8 +311,8 @@ class Session:
 
     def gains(self) -> CandidateWords | None:
         """Return the design that was found for the settings, or an optimum that serves them; None: quick will do."""
-        found = self._found.get(self.key) if self.has_design else None
-        return self._gains.get(self._words_key()) if found is None else found.gains
+        outcome = self._found.get(self.key) if self.has_design else None
+        return self._gains.get(self._words_key()) if outcome is None else outcome.gains
 
     def _words_key(self, settings: StudioSettings | None = None, heater: int | None = None) -> Ticket:
         now = settings or self.settings
@@ -368,9 +368,9 @@ class Session:
         if self._found.get(self.key) is None:
             self._found.pop(self.key, None)  # nothing was found: it is tried again
         self._taken.add(self.key)
-        found = self._found.get(self.key)
-        if found is not None:
-            self._serve(found)
+        outcome = self._found.get(self.key)
+        if outcome is not None:
+            self._serve(outcome)
         self.show_remembered()
 
     def _serve(self, outcome: DesignOutcome) -> None:
@@ -408,10 +408,10 @@ class Session:
     @property
     def suggestion(self) -> SuggestedChange | None:
         """What would pass where the words in front fail, or what it cost; None where neither is known."""
-        found = self._found.get(self.key)
-        if found is None or not (self.has_design or self.verdict == "FAIL"):
+        outcome = self._found.get(self.key)
+        if outcome is None or not (self.has_design or self.verdict == "FAIL"):
             return None
-        mend = mend_for(found.result, self.settings)
+        mend = mend_for(outcome.result, self.settings)
         return replace(mend, button="") if self.has_design and not mend.changes else mend
 
     def proof_done(self, ticket: Ticket, proof: Proof) -> bool:

@@ -323,12 +323,12 @@ def answers_to(problem: str) -> dict[str, tuple[str, object]]:
         Option and value → field of `ReadSettings` and its value.
     """
     flags = {option.flag: option for option in options_of(ReadSettings).values()}
-    found: dict[str, tuple[str, object]] = {}
+    answers: dict[str, tuple[str, object]] = {}
     for flag, candidates, rest in _NAMED_OPTION.findall(problem):
         if (option := flags.get(flag)) is not None:
             for words in map(str.split, candidates.split(" or ")) if candidates else [_WORD.findall(rest)]:
-                found |= {f"{flag} {text}".strip(): (option.name, value) for text, value in _values(option, words)}
-    return found
+                answers |= {f"{flag} {text}".strip(): (option.name, value) for text, value in _values(option, words)}
+    return answers
 
 
 def _values(option: Option, words: Sequence[str]) -> list[tuple[str, object]]:

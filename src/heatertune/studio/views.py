@@ -138,8 +138,8 @@ def criteria(proof: Proof) -> str:
         limit = "" if criterion.limit is None else f"{'≥' if criterion.at_least else '≤'} {figure(criterion.limit)}"
         mark = "" if criterion.limit is None or not proof.open_points else "ok" if criterion.ok else "FAIL"
         rows.append([criterion.name.replace("_", " "), criterion_value(document), limit, criterion.unit, mark])
-    found = "worst" if proof.open_points else "nominal"
-    return table(["criterion", found, "limit", "unit", "kept"], rows, numeric=(1,))
+    value_title = "worst" if proof.open_points else "nominal"
+    return table(["criterion", value_title, "limit", "unit", "kept"], rows, numeric=(1,))
 
 
 def verdict_text(verdict: str, proof: Proof | None, *, last: bool = False) -> str:
@@ -162,8 +162,8 @@ def conditions(proof: Proof | None) -> str:
 
 def sentence(proof: Proof, switch_kind: str) -> str:
     """Return what the loop does in one sentence; of a first look it is the nominal run's."""
-    found = {criterion.name: criterion.value for criterion in proof.criteria}
-    settling, overshoot, switchings = (found.get(name) for name in ("settling_time", "overshoot", "switchings"))
+    by_name = {criterion.name: criterion.value for criterion in proof.criteria}
+    settling, overshoot, switchings = (by_name.get(name) for name in ("settling_time", "overshoot", "switchings"))
     worst = " at worst" if proof.open_points else ", nominal run"
     parts = []
     if settling is not None:
@@ -261,10 +261,10 @@ def _side_by_side(pinned: Sequence[PinnedDesign]) -> Iterator[tuple[str, list[st
         yield f"word {name}", [_words_of(pin).get(name, "—") for pin in pinned]
     yield "Ms of the words", ["—" if pin.look.margins is None else figure(pin.look.margins.ms, 3) for pin in pinned]
     for name in ("overshoot", "settling_time", "iae"):
-        found = [next((c for c in pin.look.proof.criteria if c.name == name), None) for pin in pinned]
-        unit = next((c.unit for c in found if c is not None), "")
+        criteria_of_pins = [next((c for c in pin.look.proof.criteria if c.name == name), None) for pin in pinned]
+        unit = next((c.unit for c in criteria_of_pins if c is not None), "")
         yield f"{name.replace('_', ' ')}, nominal [{unit}]", [
-            "—" if c is None else criterion_value(c.to_document()) for c in found]
+            "—" if c is None else criterion_value(c.to_document()) for c in criteria_of_pins]
     yield "verdict", [pin.verdict for pin in pinned]
 
 
@@ -275,5 +275,5 @@ def _words_of(pin: PinnedDesign) -> dict[str, str]:
 
 def export_name(log: Log, look: LoopView) -> str:
     """Return the name of the zip and the report, without ending."""
-    kept = "".join(c if c.isalnum() or c in "-_" else "-" for c in log.name)
-    return f"{kept}-{look.settings.target}"
+    stem = "".join(c if c.isalnum() or c in "-_" else "-" for c in log.name)
+    return f"{stem}-{look.settings.target}"
