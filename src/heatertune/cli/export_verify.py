@@ -258,12 +258,12 @@ def _proven(settings: argparse.Namespace) -> dict[str, Any]:
         "ramp": source.ramp, "conditions": asdict(source.conditions), "notes": source.notes, "force": settings.force,
         "specification": repr(specification_of(source.conditions)),  # of files that may change
         "libraries": [release(name) for name in ("numpy", "scipy", "numba")]}
-    kept = load_or_compute("export", inputs, lambda: _prove(source, progress, force=settings.force),
+    result = load_or_compute("export", inputs, lambda: _prove(source, progress, force=settings.force),
                   lambda document: _demand_export(document, source, force=settings.force), progress=progress)
-    for note in kept["notes"]:
+    for note in result["notes"]:
         progress.note(note)
-    files = {name: text if isinstance(text, str) else bytes(text) for name, text in kept["files"].items()}
-    return kept | {"files": files}
+    files = {name: text if isinstance(text, str) else bytes(text) for name, text in result["files"].items()}
+    return result | {"files": files}
 
 
 def _prove(source: ProofSource, progress: Any, *, force: bool) -> dict[str, Any]:

@@ -131,14 +131,14 @@ def _run_advise(settings: argparse.Namespace) -> int:
     from heatertune.pid.design_document import read_design
     from heatertune.proof.advice import advise
 
-    design, model, kept = read_design(settings.pid)
+    design, model, origin = read_design(settings.pid)
     if model is None:
         raise InputError(f"{settings.pid} holds no model to prove on; expected pid.json as written by tune")
     progress = printing.Progress(settings)
     plc.controller_for(common.target(settings))  # an unknown target is refused before the log is read
     log = None if settings.log == "proof" else read_log(settings.log, common.reading(settings))
     printing.tell_taken(settings, [] if log is None else [log], progress)
-    recipe, notes = in_force(settings, kept, settings.pid)
+    recipe, notes = in_force(settings, origin, settings.pid)
     for note in notes:
         progress.note(note)
     document = advise(design, model, recipe, log, until_s=settings.until, progress=progress)

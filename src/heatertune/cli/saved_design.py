@@ -122,10 +122,10 @@ def proof_source(settings: argparse.Namespace) -> ProofSource:
             sources = (*sources, f"{problem}.")
         return ProofSource(words=words, choice=None, fitted_model=model, conditions=common.conditions(settings),
                            ramp=ramp, notes=sources)
-    design, fitted, kept = common.design_and_model(settings)
-    recipe, notes = in_force(settings, kept, settings.pid)
+    design, fitted, origin = common.design_and_model(settings)
+    recipe, notes = in_force(settings, origin, settings.pid)
     choice = repeat_words(design, fitted, recipe)
-    same = recipe == kept and ramp is None and not common.by_hand(settings)
+    same = recipe == origin and ramp is None and not common.by_hand(settings)
     return ProofSource(words=choice.words, choice=choice, fitted_model=fitted, conditions=recipe.conditions, ramp=ramp,
                    notes=tuple(notes), way_on=recipe.way_on if same else None, design=design, recipe=recipe,
                    structure=design.structure)
@@ -194,8 +194,8 @@ def redesign_command(settings: argparse.Namespace, source: ProofSource, setpoint
     if source.choice is not None and source.structure not in (None, "pi"):
         words += ["--structure", str(source.structure)]
     words += ["--out", str(path.with_name(f"{path.stem}_redesigned.json"))]
-    found = [part for flag, value in _OPTION.findall(source.way_on or "") for part in (flag, value)]
-    return again(words, found) if found else ("heatertune", *words)
+    changes = [part for flag, value in _OPTION.findall(source.way_on or "") for part in (flag, value)]
+    return again(words, changes) if changes else ("heatertune", *words)
 
 
 def _typed(option: Option, value: Any) -> list[str]:

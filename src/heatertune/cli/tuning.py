@@ -210,8 +210,8 @@ def add_compare(commands: Any) -> None:
 def _run_compare(settings: argparse.Namespace) -> int:
     from heatertune.proof.repetition import scaling_of
 
-    design, fitted, kept = common.design_and_model(settings)
-    progress, (recipe, notes) = printing.Progress(settings), in_force(settings, kept, settings.pid)
+    design, fitted, origin = common.design_and_model(settings)
+    progress, (recipe, notes) = printing.Progress(settings), in_force(settings, origin, settings.pid)
     for note in notes:
         progress.note(note)
     if recipe.input is not None:
