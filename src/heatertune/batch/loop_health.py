@@ -242,7 +242,7 @@ def _diagnosis_row(diagnosis: Diagnosis) -> Row:
     fitted = diagnosis.fitted_model
     return {
         "outcome": diagnosis.cause.label, "reason": diagnosis.faults[0].message if diagnosis.faults else None,
-        "also": "; ".join(found.message for found in diagnosis.faults[1:]) or None, "excess": float(diagnosis.excess),
+        "also": "; ".join(fault.message for fault in diagnosis.faults[1:]) or None, "excess": float(diagnosis.excess),
         "confidence": diagnosis.confidence, "doubt": diagnosis.why_not or None, "what_to_do": diagnosis.cause.value,
         "times_worse": diagnosis.worse, "half_cycles": diagnosis.swings.count, "period_s": diagnosis.swings.period_s,
         "swing_degC": diagnosis.swings.size_degC, "full_power_pct": 100.0 * at_limit(diagnosis.course, high=True),
