@@ -121,7 +121,7 @@ def related_documents(directory: str | Path, proof: Document) -> dict[str, dict[
     Raises:
         DocumentError: one of them is incomplete.
     """
-    folder, found = data_folder(directory), {}
+    folder, documents = data_folder(directory), {}
     for name, schema, kind in (("as_left", AS_LEFT_SCHEMA, AsLeft), ("written", WRITTEN_SCHEMA, WriteHistory),
                                ("record", RECORD_SCHEMA, RecordSettings),
                                ("second_opinion", SECOND_OPINION_SCHEMA, SecondOpinion)):
@@ -130,8 +130,8 @@ def related_documents(directory: str | Path, proof: Document) -> dict[str, dict[
             document = read_document(path, schema)
             decode(kind, document, path)
             if name == "record" or document["digest"] == proof["digest"]:
-                found[name] = document
-    return found
+                documents[name] = document
+    return documents
 
 
 def files_of(directory: str | Path, documents: Mapping[str, Document]) -> dict[str, str]:
@@ -301,14 +301,14 @@ def design(
         fitted = fit(log, fitted_with, companions=True, progress=progress)
         fitted = for_setpoints(fitted, every_setpoint(fitted, request.conditions))
         second.draw(_input_documents(log, fitted), "log")
-        found = closed_on_samples(fitted, request, progress=progress, stage=lambda name: progress(_stage_text(name)))
+        closure = closed_on_samples(fitted, request, progress=progress, stage=lambda name: progress(_stage_text(name)))
         progress(_stage_text("report"))
-        second.draw(_asked_of_libraries(fitted, found, request), OPINION)
-        files, documents = _shown(log, fitted, found, force, second)
-        proof = as_exported(found.proof)  # while the pictures are drawn
+        second.draw(_asked_of_libraries(fitted, closure, request), OPINION)
+        files, documents = _shown(log, fitted, closure, force, second)
+        proof = as_exported(closure.proof)  # while the pictures are drawn
         opinion = decode(SecondOpinion, json.loads(second.answer(OPINION)), OPINION)
-        result = replace(found, proof=proof.with_findings(disagreement(opinion)))
-        if result.proof.diagnostics != found.proof.diagnostics:
+        result = replace(closure, proof=proof.with_findings(disagreement(opinion)))
+        if result.proof.diagnostics != closure.proof.diagnostics:
             files, documents = _shown(log, fitted, result, force, second)
         documents["second_opinion"] = encode(replace(opinion, digest=documents["proof"]["digest"]))
         documents = _with_comparison(documents, log, fitted, result.ideal, result.proof, second)

@@ -183,14 +183,14 @@ def _of_optimum(ideal: PidDesign, problem: Problem, *, is_optimum: bool) -> tupl
     cost, best_cost = (program.cost_at(np.log(list(_unknowns(design)))) for design in (ideal, best))
     if not keeps(problem, best):
         return [], ["Not compared with CasADi: IPOPT ended at gains outside of the limits."]
-    found = (f"IPOPT's optimum within the same limits, from {_BEGIN:g} times the gain: K {best.gain_pct_per_degC:.4g} "
-             f"%/°C, TN {best.integral_time_s:.4g} s, TV {best.derivative_time_s:.4g} s.")
+    text = (f"IPOPT's optimum within the same limits, from {_BEGIN:g} times the gain: K {best.gain_pct_per_degC:.4g} "
+            f"%/°C, TN {best.integral_time_s:.4g} s, TV {best.derivative_time_s:.4g} s.")
     if not is_optimum:
-        return [], [f"{found} Its cost ({problem.objective}) is {best_cost / cost:.3g} times that of the design, which "
+        return [], [f"{text} Its cost ({problem.objective}) is {best_cost / cost:.3g} times that of the design, which "
                     "is no optimum: a rule made it, or the search changed it so that its proof passes."]
     row = OpinionRow(quantity=f"cost of the optimum ({problem.objective})", library="CasADi (IPOPT)", value=cost,
                      library_value=best_cost, tolerance=_OF_COST * cost, agrees=best_cost >= (1.0 - _OF_COST) * cost)
-    return [row], [found]
+    return [row], [text]
 
 
 def _unknowns(design: PidDesign) -> Iterator[float]:
