@@ -107,8 +107,8 @@ def worth_compiling(
     _scans_asked[work] += scans
     total = _scans_asked[work] + ahead
     most = _PLAIN_SCANS if most_plain is None else most_plain
-    kept = _PLAIN_SCANS_READY if "llvmlite.binding" in sys.modules else _PLAIN_SCANS_KEPT
-    if kept < total <= most and function is not None and work not in _looked_for:
+    least = _PLAIN_SCANS_READY if "llvmlite.binding" in sys.modules else _PLAIN_SCANS_KEPT
+    if least < total <= most and function is not None and work not in _looked_for:
         _looked_for.add(work)
         if has_machine_code(function):
             _scans_asked[work] = total = most + 1
@@ -246,13 +246,13 @@ class _MachineCode:
 
     def _direct(self, kinds: Kinds, arguments: Sequence[Any]) -> Callable[[tuple[Any, ...]], Any] | None:
         """Return what runs it as machine code, None where Numba calls it in a way that the loader does not know."""
-        if (kept := self._stored_code(kinds)) is None:
+        if (code := self._stored_code(kinds)) is None:
             with _compile_in_turn(None if self._place is None else self._place / self._name(kinds)):
-                if (kept := self._stored_code(kinds)) is None:
+                if (code := self._stored_code(kinds)) is None:
                     self.made += 1
                     return self._compiled(kinds, arguments)
         self.found += 1
-        return kept
+        return code
 
     def _stored_code(self, kinds: Kinds) -> Callable[[tuple[Any, ...]], Any] | None:
         """Return what is on disk, None where it is not or is torn."""
@@ -328,10 +328,10 @@ def has_machine_code(function: Callable[..., Any]) -> bool:
 @remember
 def _remove_stale(base: Path) -> None:
     """Remove folders that no process used for a month; one is renamed first, so that nobody meets half of it."""
-    for kept in base.glob("compiled-*"):
+    for folder_path in base.glob("compiled-*"):
         with suppress(OSError):
-            if time.time() - kept.stat().st_mtime > _STALE_S:
-                shutil.rmtree(kept.rename(kept.with_name(f"removed-{kept.name}-{os.getpid()}")))
+            if time.time() - folder_path.stat().st_mtime > _STALE_S:
+                shutil.rmtree(folder_path.rename(folder_path.with_name(f"removed-{folder_path.name}-{os.getpid()}")))
 
 
 def _digest(function: Callable[..., Any]) -> str | None:

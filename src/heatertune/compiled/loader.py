@@ -254,8 +254,8 @@ class _Taking:
         """Take an array apart; its owner is who calls."""
         shape, strides = ([self._name() for _ in range(dimensions)] for _ in range(2))
         if isinstance(marks, str):
-            kept = f"{name}.typecode == {of!r}" if marks == "array" else "True"
-            self._demand(f"type({name}) is {marks} and {kept}")
+            type_check = f"{name}.typecode == {of!r}" if marks == "array" else "True"
+            self._demand(f"type({name}) is {marks} and {type_check}")
             where = f"{name}.buffer_info()[0]" if marks == "array" else f"addressof(byte({name})) if {name} else 0"
             size, shape, strides = f"len({name})", [f"len({name})"], [str(array(of).itemsize)]
             self._numbers += ["0", "0", size, *strides, where, *shape, *strides]
