@@ -558,11 +558,11 @@ def tune_continuous(
     best, checked = global_optimum(problem)
     notes = [_TOLD, checked]
     if robust != "none":
-        kept = robust_design(
+        strategy = robust_design(
             Open.of(fitted, robust), specs, robust, lambda guards: optimum(replace(problem, guards=guards)), best)
-        problem = replace(problem, guards=kept.guards)
-        notes = [_TOLD, kept.sentence(problem.cost(best), problem.cost(kept.design))]
-        best = replace(kept.design, promise=Promise(way=robust, limits=specs.limits))
+        problem = replace(problem, guards=strategy.guards)
+        notes = [_TOLD, strategy.sentence(problem.cost(best), problem.cost(strategy.design))]
+        best = replace(strategy.design, promise=Promise(way=robust, limits=specs.limits))
     design = assess_design(fitted, best)
     notes += [*_explained(problem, design), *_plainer(problem, design)]
     notes += heating_cooling_notes(fitted, design, partial(_alone, problem))

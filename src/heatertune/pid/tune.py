@@ -186,29 +186,29 @@ def _improved(
     problem: Problem, fitted: FittedModel, design: PidDesign, robust: str, progress: Callable[[str], object]
 ) -> tuple[PidDesign, list[str]]:
     """Return the design of the search improved by IPOPT and with its robustness constraints, and the notes."""
-    kept: RobustDesign | None = None
+    strategy: RobustDesign | None = None
     heaters: Open | None = None
     plain, plainly = design, problem
     if robust != "none":
         progress("keeping the limits on heaters sampled from the fit")
         heaters = Open.of(fitted, robust)
-        kept = robust_design(
+        strategy = robust_design(
             heaters, problem.specs, robust, lambda guards: search(replace(plainly, guards=guards)), plain
         )
-        problem, design = replace(problem, guards=kept.guards), kept.design
+        problem, design = replace(problem, guards=strategy.guards), strategy.design
     notes = []
     if problem.structure != "p":
         progress("improving the optimum by a second method")
         polished, comparison = polish(problem, design)
-        better = None if kept is None or heaters is None else kept.with_design(heaters, problem.specs, polished)
-        if kept is not None and better is None:
+        better = None if strategy is None or heaters is None else strategy.with_design(heaters, problem.specs, polished)
+        if strategy is not None and better is None:
             comparison = ("IPOPT's optimum would break a limit on the sampled heaters; the result of the "
                           "feasible-set search is used.")
         else:
-            design, kept = polished, better
+            design, strategy = polished, better
         notes = [comparison, *_explained(problem, design)]
-    if kept is not None:
-        notes.insert(0, kept.sentence(problem.cost(plain), problem.cost(design)))
+    if strategy is not None:
+        notes.insert(0, strategy.sentence(problem.cost(plain), problem.cost(design)))
         design = replace(design, promise=Promise(way=robust, limits=problem.specs.limits))
     return design, notes
 

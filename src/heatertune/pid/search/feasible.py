@@ -643,12 +643,12 @@ def _distances(ca: Any, plant: SampledPlant, settings: Any, omega: Any, problem:
         return (start + real) ** 2 + imaginary**2
 
     distance = size(1.0, g)
-    kept = [distance - 1.0 / problem.ms**2]
+    distances = [distance - 1.0 / problem.ms**2]
     if math.isfinite(problem.mt):
-        kept.append(distance - size(0.0, g) / problem.mt**2)
+        distances.append(distance - size(0.0, g) / problem.mt**2)
     if math.isfinite(problem.mks):
-        kept.append(distance - size(0.0, np.ones_like(g)) / problem.mks**2)
-    return ca.vertcat(*kept)
+        distances.append(distance - size(0.0, np.ones_like(g)) / problem.mks**2)
+    return ca.vertcat(*distances)
 
 
 def on_the_limit(problem: Problem, design: PidDesign) -> PidDesign:
