@@ -199,8 +199,8 @@ def release(library: str) -> str:
     It is what its own file of the version says; where it has none, the number that it was installed with, for which
     Python has to read much more.
     """
-    found = find_spec(library)
-    origin = None if found is None else found.origin
+    spec = find_spec(library)
+    origin = None if spec is None else spec.origin
     for name in ("version.py", "_version.py") if origin else ():
         with suppress(OSError):
             return (Path(str(origin)).parent / name).read_text(encoding="utf-8")

@@ -165,10 +165,10 @@ def _results() -> InstallationCheck:
         return InstallationCheck(name="cache of results", value=why, ok=False, required=False, remedy=_PRIVATE)
     if place is None:
         return InstallationCheck(name="cache of results", value="switched off", ok=True, required=False)
-    kept = list(place.glob("*.json")) if place.is_dir() else []
-    megabytes = sum(file.stat().st_size for file in kept) / 1e6
+    files = list(place.glob("*.json")) if place.is_dir() else []
+    megabytes = sum(file.stat().st_size for file in files) / 1e6
     return InstallationCheck(
-        name="cache of results", value=f"{place}: {len(kept)} results, {megabytes:.1f} MB", ok=_writable(place),
+        name="cache of results", value=f"{place}: {len(files)} results, {megabytes:.1f} MB", ok=_writable(place),
         required=False, remedy="set HEATERTUNE_CACHE to a writable folder; without it every fit is repeated",
     )
 
@@ -181,9 +181,9 @@ def _compiled() -> InstallationCheck:
     if place is None:
         off = "switched off: every process compiles"
         return InstallationCheck(name="cache of compiled code", value=off, ok=True, required=False)
-    kept = machine_code(place)
-    megabytes = sum(path.stat().st_size for path in kept) / 1e6
-    state = f"warm, {len(kept)} functions, {megabytes:.1f} MB" if kept else "cold: the first run compiles some seconds"
+    code = machine_code(place)
+    megabytes = sum(path.stat().st_size for path in code) / 1e6
+    state = f"warm, {len(code)} functions, {megabytes:.1f} MB" if code else "cold: the first run compiles some seconds"
     return InstallationCheck(
         name="cache of compiled code", value=f"{place}; {state}", ok=_writable(place), required=False,
         remedy="set HEATERTUNE_CACHE to a folder that can be written; without it every process compiles",
