@@ -162,14 +162,14 @@ def is_earlier(named: object, schema: str) -> bool:
 
 
 def with_current_keys(content: Document, schema: str) -> Document:
-    """Return what a document of the schema before holds, by the keys of a given schema."""
+    """Return the content of a document of the previous schema, by the keys of a given schema."""
     change = _KEY_CHANGES[schema]
     renamed: Document = _with_keys({change.top.get(key, key): value for key, value in content.items()}, change.keys)
     return renamed
 
 
 def read_toml(path: str | Path) -> dict[str, Any]:
-    """Return what a TOML file holds.
+    """Return the content of a TOML file.
 
     Raises:
         DocumentError: it cannot be read, or is no TOML.

@@ -36,7 +36,7 @@ _SURROGATE: Final = re.compile("[\ud800-\udfff]")
 
 
 def read_bytes(path: str | Path) -> bytes:
-    """Return what a file or a pipe holds.
+    """Return the content of a file or a pipe.
 
     Raises:
         OSError: there is none, it is a folder, a device or a pipe that nobody writes to, its name cannot be one, or it

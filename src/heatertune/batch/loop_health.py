@@ -145,7 +145,7 @@ def health(
 
 
 def _listed(loops: str | Path | Mapping[str, LoopEntry] | None) -> tuple[Mapping[str, LoopEntry], Path]:
-    """Return what is said of the loops, and where the folders that it names lie."""
+    """Return the entries of the loops, and the folder in which the folders they name lie."""
     if loops is None or isinstance(loops, Mapping):
         return loops or {}, Path()
     return read_list(loops), Path(loops).parent
@@ -158,7 +158,7 @@ def rank_rows(rows: Sequence[Row]) -> list[Row]:
 
 
 def _since(row: Row, earlier: Mapping[str, Row]) -> dict[str, Any]:
-    """Return what a loop was, and whether it is better, worse or the same: a fifth, or another cause, counts."""
+    """Return a loop's last outcome, and whether it is better, worse or the same: a fifth, or another cause, counts."""
     before = earlier.get(row["name"])
     if before is None or before["excess"] is None:
         return {"was": None, "change": "new" if earlier else None}
@@ -228,7 +228,7 @@ def _before(model: Mapping[str, Any] | None) -> tuple[FittedModel | None, float 
 
 
 def _cure_request(request: DesignRequest, loop: LoopEntry, words: Words | None) -> DesignRequest | None:
-    """Return what this loop's cure is designed for, None where nobody says for which controller."""
+    """Return the request that this loop's cure is designed for, None where no controller is named."""
     target = loop.target or (None if words is None else words.target) or request.target
     if not target:
         return None

@@ -114,7 +114,7 @@ class Study:
         return self._combinations + len(self.listed)
 
     def case(self, number: int) -> CaseSettings:
-        """Return what a case sets; the first is number 0."""
+        """Return the settings of a case; the first is number 0."""
         if number >= self._combinations:
             return {**self.fixed, **self.listed[number - self._combinations]}
         chosen: dict[str, Any] = {}
@@ -304,7 +304,7 @@ def study(
 
 
 def _files(path: Path, cases: Study) -> dict[str, Any]:
-    """Return what the logs (bytes) and models (documents) of all cases hold, name → content."""
+    """Return the contents of the logs (bytes) and models (documents) of all cases, name → content."""
     content: dict[str, Any] = {}
     for name in cases.settings_of("model"):
         content[name] = read_document(path.parent / name, MODEL_SCHEMA)

@@ -111,7 +111,7 @@ def second_opinion(
     words_design: PidDesign | None, heaters: Sequence[tuple[str, HeaterModel]], ideal: PidDesign,
     problem: Problem | None, *, is_optimum: bool,
 ) -> SecondOpinion:
-    """Return what the libraries say of a design and of its rounding.
+    """Return the libraries' results for a design and for its rounding.
 
     Args:
         words_design: design that the words realise; None: they are no PID.

@@ -279,7 +279,7 @@ def _name(limit: str) -> str:
 
 
 def _origin_lines(origin: DesignProvenance, recipe: DesignProvenance, where: str) -> Iterator[str]:
-    """Return what is taken from the file, and what of it is not."""
+    """Return the settings that are taken from the file, and those that are not."""
     origin_parts, recipe_parts = list(_parts(origin)), list(_parts(recipe))
     if common := [part for part in recipe_parts if part in origin_parts]:
         yield f"As {where} has it: {', '.join(common)}."
@@ -288,7 +288,7 @@ def _origin_lines(origin: DesignProvenance, recipe: DesignProvenance, where: str
 
 
 def _parts(recipe: DesignProvenance) -> Iterator[str]:
-    """Return what a recipe says beyond the defaults, as the command line would."""
+    """Return the settings of a recipe beyond the defaults, as on the command line."""
     for kind, holder in ((SensorSettings, recipe), (WordSettings, recipe), (Conditions, recipe.conditions)):
         for name, one in options_of(kind).items():
             value = getattr(holder, name, one.default)

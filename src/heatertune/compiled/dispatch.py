@@ -239,13 +239,13 @@ class _MachineCode:
         return MISSED if run is None else run(arguments)
 
     def _by_numba(self) -> Callable[[tuple[Any, ...]], Any]:
-        """Return what runs it on Numba's own path, for arguments of all kinds."""
+        """Return the function on Numba's own path, for arguments of all kinds."""
         self.made += 1
         function = check.numba_function(self._function)
         return lambda arguments: function(*arguments)
 
     def _direct(self, kinds: Kinds, arguments: Sequence[Any]) -> Callable[[tuple[Any, ...]], Any] | None:
-        """Return what runs it as machine code, None where Numba calls it in a way that the loader does not know."""
+        """Return the function as machine code, None where Numba calls it in a way that the loader does not know."""
         if (code := self._stored_code(kinds)) is None:
             with _compile_in_turn(None if self._place is None else self._place / self._name(kinds)):
                 if (code := self._stored_code(kinds)) is None:
@@ -255,7 +255,7 @@ class _MachineCode:
         return code
 
     def _stored_code(self, kinds: Kinds) -> Callable[[tuple[Any, ...]], Any] | None:
-        """Return what is on disk, None where it is not or is torn."""
+        """Return the code on disk, None where there is none or it is torn."""
         with suppress(OSError, ValueError):
             return None if self._place is None else entry(
                 Code.from_bytes((self._place / self._name(kinds)).read_bytes()), kinds)

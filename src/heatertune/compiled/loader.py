@@ -107,7 +107,7 @@ class Code:
 
     @classmethod
     def from_bytes(cls, content: bytes) -> Code:
-        """Return what a file holds; raise ValueError where it is not as it was written: it would run what is left."""
+        """Return the code in a file; raise ValueError where it is not as it was written: it would run what is left."""
         schema, digest, head, both = content.split(b"\n", 3)
         if schema != _SCHEMA or digest.decode() != hashlib.sha256(head + both).hexdigest():
             raise ValueError("the file was changed")

@@ -120,14 +120,14 @@ def _parts(result: Result) -> Any:
 
 
 def overload(function: Callable[..., Any], arguments: Sequence[Any], *, calls: bool = False) -> Any:
-    """Return what Numba makes of a plain function; arguments as `object_code`."""
+    """Return Numba's overload of a plain function; arguments as `object_code`."""
     machine, signature = _compiler(function, calls=calls, pipeline=_Whole), tuple(map(typeof, arguments))
     machine.compile(signature)
     return machine.overloads[signature]
 
 
 def _result(function: Callable[..., Any], kind: Any) -> Result:
-    """Return what a compiled function returns, as `Code.result`."""
+    """Return the result type of a compiled function, as `Code.result`."""
     if kind == types.none:
         return None
     if isinstance(kind, BaseTuple):

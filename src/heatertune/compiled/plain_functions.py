@@ -66,7 +66,7 @@ def bound(function: _Plain, **compiled_function: Callable[..., Any]) -> _Plain:
 
 
 def plainly(function: Callable[..., Any]) -> FunctionType:
-    """Return what is compiled for a function: itself, or its twin."""
+    """Return the function to compile for a function: itself, or its twin."""
     plain = _TWINS.get(function, function)
     assert isinstance(plain, FunctionType)
     return plain

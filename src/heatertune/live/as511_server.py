@@ -115,7 +115,7 @@ class As511Server:
         self._say(_END, _ACK)
 
     def _body(self) -> bytes:
-        """Return what comes before 10 04."""
+        """Return the bytes before 10 04."""
         body = bytearray()
         while True:
             byte = self._hear()
@@ -178,7 +178,7 @@ class As511Server:
             address += self._memory.size(block_name)
 
     def _info(self, body: bytes) -> bytes:
-        """Return what 1Ah tells of a block: its address, and its header."""
+        """Return the answer to 1Ah about a block: its address and its header."""
         for number, address, length in self._places():
             if body == bytes((1, number)):
                 return b"\0" + address.to_bytes(2, "big") + self._header(number, length)
@@ -189,7 +189,7 @@ class As511Server:
         return bytes((0x70, 0x70, 0x41, number, 0, 0, 0, 0)) + (length // 2 + _HEADER // 2).to_bytes(2, "big")
 
     def _read(self, body: bytes) -> bytes:
-        """Return what 04h reads: all blocks are where they are, and nothing beside them."""
+        """Return the answer to 04h: the blocks at their addresses, and nothing next to them."""
         first, last = (int.from_bytes(body[at : at + 2], "big") for at in (0, 2))
         if len(body) != 4 or not first <= last < first + _MOST:
             raise Refusal(Access.OUTSIDE)

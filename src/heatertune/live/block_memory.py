@@ -514,7 +514,7 @@ class Laid:
 
     def _signal(self, place: CellAddress, raw: tuple[float, float] = (0.0, 1.0),
                 shown: tuple[float, float] = (0.0, 1.0)) -> BlockSignal:
-        """Return what stands at a place; of registers that are not in a row, register r is at byte 2·r."""
+        """Return the content of a place; of registers that are not in a row, register r is at byte 2·r."""
         start = place.byte if len(self.registers) < 2 else next(
             2 * run.first + place.byte - run.byte for run in self.registers
             if run.byte <= place.byte < run.byte + 2 * run.size)
@@ -531,7 +531,7 @@ class Laid:
     def run(
         self, cells: bytearray, running: ControllerState, state: Any, reading: Number  # noqa: ARG002 - some need it
     ) -> tuple[Any, float, Number, int]:
-        """Return what the controller's own step gives for the inputs as they stand there."""
+        """Return the result of the controller's own step for the inputs as they stand there."""
         assert self._controller.scan_all is not None
         inputs = {name: place.read(cells) for name, place in self.layout.inputs.items()}
         return self._controller.scan_all(running.parameters, state, inputs)

@@ -90,7 +90,7 @@ class ServedBlock(Protocol):
         """Put the controller back in automatic."""
 
     def put_in_manual(self, cells: bytes, power_pct: float) -> tuple[int, bytes]:
-        """Return what a client writes to put the controller in manual with a power.
+        """Return the writes that put the controller in manual with a power.
 
         Args:
             cells: the block as it stands.
@@ -195,7 +195,7 @@ class Topic:
         return first + (number - low) * (last - first) / (high - low)
 
     def _within(self, text: str) -> Any:
-        """Return what stands at the path; raises ValueError, TypeError, LookupError or RecursionError."""
+        """Return the value at the path; raises ValueError, TypeError, LookupError or RecursionError."""
         value: Any = json.loads(text) if self.path or text[:1] == '"' else text
         for key in self.path.split(".") if self.path else ():
             value = value[int(key)] if isinstance(value, list) else value[key]
@@ -237,7 +237,7 @@ def places_of(words: Words) -> Places | None:
 
 
 def places_in(path: str | Path) -> Places:
-    """Return what a file says; see this module for its form.
+    """Return the places that a file names; see this module for its form.
 
     Raises:
         DocumentError: it cannot be read, or says something else; the message names the entry.

@@ -76,7 +76,7 @@ class AbortLimits:
             check("rate_degC_per_min", self.rate_degC_per_min, above=0.0)
 
     def broken(self, latest: Sequence[tuple[float, float]], sensor_degC: tuple[float, float]) -> tuple[str, str] | None:
-        """Return what the latest readings break, a word and a sentence; None: nothing.
+        """Return the limit that the latest readings break, a word and a sentence; None: none.
 
         Args:
             latest: time [s] and reading [°C] of each, the latest last.
@@ -281,7 +281,7 @@ class ManualMode:
         return client.read(self.place[0], 0, len(self._image))
 
     def cells(self, client: Client) -> bytes:
-        """Return what stands in the cells; errors as `Client.read`."""
+        """Return the content of the cells; errors as `Client.read`."""
         return client.read(*self.place)
 
     def write_cells(self, client: Client, content: bytes) -> None:
@@ -402,7 +402,7 @@ class Experiment:
         self.budget = Budget(address, self.mode.place[0])
 
     def check(self) -> tuple[str, ...]:
-        """Return what was found, one sentence each.
+        """Return the findings, one sentence each.
 
         Raises:
             InputError: another block, other words, a temperature beyond the limit or the sensor's range, a CPU in STOP;

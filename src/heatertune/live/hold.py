@@ -182,7 +182,7 @@ class WayBack:
 
     @classmethod
     def from_document(cls, document: Any) -> WayBack:
-        """Return what a file holds; raises KeyError, TypeError or ValueError where it is damaged."""
+        """Return the content of a file; raises KeyError, TypeError or ValueError where it is damaged."""
         parts = tuple(_part_of(part) for part in document["parts"])
         return cls(command=str(document["command"]), address=str(document["address"]), number=int(document["block"]),
                    parts=parts, power_pct=float(document["power_pct"]), record=str(document["record"]),
@@ -259,7 +259,7 @@ class Hold:
                                 "automatic, and remove the file") from None
 
     def message(self) -> str:
-        """Return what has to be said of a command that has not ended, a sentence; nothing where there is none.
+        """Return the message about a command that has not ended, a sentence; empty where there is none.
 
         Raises:
             DocumentError: as `way_back`.

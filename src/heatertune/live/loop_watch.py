@@ -133,7 +133,7 @@ class OnlineMonitor:
         return round((degC - card.zero_degC) / card.step_degC) if math.isfinite(degC) else self._numbers.high + 1
 
     def messages(self) -> tuple[str, ...]:
-        """Return what has to be told, one sentence each."""
+        """Return the messages, one sentence each."""
         lines = [f"monitor: {each.name} at {each.from_s:.6g} s" + (
             f", {each.scans} scans until {each.to_s:.6g} s" if each.scans > 1 else "") for each in self.alarms.values()]
         if self.highest_degC > self.view.setpoint_degC + 0.5 * self.view.card.step_degC:
@@ -218,7 +218,7 @@ class WatchStats:
             _DRIFT * self.rest_pct[0], self.least_drift_pct)
 
     def notes(self) -> tuple[str, ...]:
-        """Return what has to be told, one sentence each."""
+        """Return the messages, one sentence each."""
         lines = list[str]()
         if self.unusable:
             lines.append(f"{count(self.unusable, 'reading')} could not be used: {self.problem}")

@@ -179,7 +179,7 @@ class InstrumentBlock(Laid):
     def run(
         self, cells: bytearray, running: ControllerState, state: Any, reading: Number
     ) -> tuple[Any, float, Number, int]:
-        """Return what a sample gives."""
+        """Return the result of a sample."""
         if bytes(cells[self.layout.setpoint.part]) != self._written:
             self._take_setpoint(cells)
         if self._working is not None:

@@ -213,7 +213,7 @@ class _Attributes(AttributeService):  # type: ignore[misc]
         self._begun = datetime.now(UTC)
 
     def value(self, cell: NodeVariable, index_range: str | None = None) -> ua.DataValue:
-        """Return what a cell shows, or why it shows nothing."""
+        """Return the value of a cell, or the reason why it has none."""
         now = datetime.now(UTC)
         try:
             value, status = cell.read(self.plc.memory, index_range), ua.StatusCodes.Good
@@ -290,7 +290,7 @@ class OpcuaServer(AsideServer):
         super().__init__("OPC UA", listener)
 
     def connections(self, factory: Any) -> Any:
-        """Return what makes the protocol of each connection; see `_OpcuaConnection`."""
+        """Return the factory of each connection's protocol; see `_OpcuaConnection`."""
         own = factory.__self__
         return lambda: _OpcuaConnection(own.iserver, own._policies, own.clients, own.closing_tasks, own.limits)
 

@@ -129,7 +129,7 @@ class _File:
             raise InputError(f"{self._path}: cannot be written: {problem.strerror}") from None
 
     def _left(self) -> str:
-        """Return what a recording has left there; nothing where it is none."""
+        """Return the text that a recording has left there; empty where it is none."""
         try:
             text = read_bytes(self._path).decode(errors="replace")
         except OSError:
@@ -141,7 +141,7 @@ class _File:
         return f", with {len(rows)} rows until {rows[-1].split(',')[0]} s{torn}"
 
     def _checked(self, columns: str) -> str:
-        """Return what the last line lacks; raise InputError where the file is not one to continue."""
+        """Return the text that the last line lacks; raise InputError where the file is not one to continue."""
         try:
             text = read_bytes(self._path).decode(errors="replace")
         except OSError as problem:
@@ -182,7 +182,7 @@ class _File:
             self.notes.append(f"{self._path}: {what} before the recording ended")
 
     def _changed(self) -> str:
-        """Return what others have done to the file since it was written to; nothing where they did nothing."""
+        """Return the changes of others to the file since it was written to; empty where there are none."""
         try:
             there = self._path.stat()
         except (FileNotFoundError, NotADirectoryError):

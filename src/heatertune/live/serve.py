@@ -432,7 +432,7 @@ def read_folder(folder: str | Path) -> tuple[Words, FittedModel, Conditions]:
 
 
 def _server_of(protocol: str) -> Callable[[VirtualPlc, socket.socket], Any]:
-    """Return what serves a protocol; only what is served is loaded."""
+    """Return the class of a protocol's server; only the one needed is loaded."""
     module = import_module(f"heatertune.live.{protocol}_server")
     server: Callable[[VirtualPlc, socket.socket], Any] = getattr(module, f"{protocol.capitalize()}Server")
     return server

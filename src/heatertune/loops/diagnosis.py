@@ -275,7 +275,7 @@ class Diagnosis:
 def diagnose(
     log: Log, loop: LoopEntry, before: FittedModel | None = None, cooling_before: float | None = None
 ) -> Diagnosis:
-    """Return what is wrong with a loop.
+    """Return the diagnosis of a loop.
 
     Args:
         log: with its setpoint, and with its power where that is known.

@@ -444,7 +444,7 @@ def _switched(log: Log, pwm_period_s: float | None, tried: _LoadTrial) -> tuple[
 
 
 def _bent(course: PowerCourse, fit: _LoadFit) -> Array:
-    """Return what the readings change by with lags, dead time and the instants of loads, shape (m, 3 + loads)."""
+    """Return the slopes of the readings by lags, dead time and the instants of loads, shape (m, 3 + loads)."""
     def readings(lag: float, ratio: float, delay: float, at: Array) -> Array:
         loads = fit.linear[len(fit.linear) - len(at):]
         driven = fit.linear[0] * course.answer(lag, ratio, delay) + risen(course.middle, at, lag, ratio) @ loads
@@ -484,7 +484,7 @@ def _worth(fit: _LoadFit) -> tuple[bool, float]:
 
 
 def _starts(log: Log, pwm_period_s: float | None) -> list[tuple[float, bool]]:
-    """Return what the power may have been before the first reading [%], and whether the heater was at rest with that.
+    """Return the possible powers before the first reading [%], and whether the heater was at rest with each.
 
     A loop that is at its setpoint as its log begins was at work. One that is far below may have been off, and cold:
     that is plain where the temperature begins to rise no sooner than a dead time after the power.
@@ -553,7 +553,7 @@ def _added(
 def _refined(
     course: PowerCourse, lag: float, ratio: float, delay: float, instants: Array, *, fixed: bool = False
 ) -> _LoadFit:
-    """Return what least squares makes of a start: all that is not linear, the instants of the loads included.
+    """Return the least-squares fit from a start: all that is not linear, the instants of the loads included.
 
     `fixed`: the dead time stays.
     """

@@ -344,7 +344,7 @@ def _part_flags(time_s: Array, part: tuple[int, int]) -> str:
 
 
 def interruption_note(log: Log) -> str:
-    """Return what to do about stretches without power in a loop, through which the temperature falls far; or nothing.
+    """Return the advice about stretches without power in a loop, through which the temperature falls far; or nothing.
 
     Args:
         log: of a closed loop, with power.

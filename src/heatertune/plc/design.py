@@ -121,7 +121,7 @@ def stated_scaling(
 
 @lru_cache(_KEPT)
 def _essence(fitted: FittedModel) -> dict[str, Any]:
-    """Return what a design depends on: the working model and the candidates."""
+    """Return the inputs of a design: the working model and the candidates."""
     document = model_document.to_document(fitted)
     return {key: document[key] for key in document if key not in _TOLD}
 

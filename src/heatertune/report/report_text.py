@@ -150,7 +150,7 @@ def opinion_rows(opinion: Document) -> list[list[str]]:
 
 
 def opinion_lines(opinion: Document) -> str:
-    """Return what python-control and CasADi say, beside what heatertune says."""
+    """Return the results of python-control and CasADi, next to those of heatertune."""
     rows = [["", "heatertune", "the library", "allowed", "by"], *opinion_rows(opinion)]
     return "\n".join([*([table(rows, right=(1, 2, 3))] if opinion["rows"] else []),
                       *(f"- {note}" for note in opinion["notes"])])

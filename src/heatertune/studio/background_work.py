@@ -109,7 +109,7 @@ def compare_with_proof(standing: FrontDesign, log: Log, about: AsLeftSettings, p
 
 
 def left_sentence(left: AsLeft, verdict: str) -> str:
-    """Return what the trace shows as one sentence that can be read out; `verdict`: of the proof."""
+    """Return the result of the trace as one sentence that can be read out; `verdict`: of the proof."""
     figure_count = sum(line.measured is not None for line in left.measurements)
     assurance = ("the curve is inside of what the proven runs do, and each of the "
                  f"{figure_count} figures that the trace shows is no worse than proven.")

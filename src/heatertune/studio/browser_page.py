@@ -356,7 +356,7 @@ class LiveCard:
 
 
 def _content(live: LiveLog) -> bytes:
-    """Return what the log holds; raise InputError where it is too large, or is gone."""
+    """Return the content of the log; raise InputError where it is too large, or is gone."""
     try:
         if live.path.stat().st_size > LARGEST_LOG:
             raise InputError(f"{live.path}: is larger than {LARGEST_LOG / 1e6:.0f} MB; heatertune fit reads it")

@@ -239,7 +239,7 @@ def zooms(picture: Picture) -> list[tuple[str, float, float]]:
 
 
 def key_of(look: LoopView, picture: Picture, pinned: Sequence[PinnedDesign] = ()) -> list[tuple[str, str, str]]:
-    """Return what the lines of the loop's picture are: name, colour and SVG dashes."""
+    """Return the legend of the loop's picture: name, colour and SVG dashes."""
     names = [("nominal run", LOOK["realised"]["color"], "")]
     if picture.worst is not None:
         dashes = "" if picture.fails else _DASHES["worst"]

@@ -120,7 +120,7 @@ def text_input(label: str, example: str) -> ui.input:
 
 
 def explain_label(label: str) -> str:
-    """Return what the terms of a label mean, "" where it has none."""
+    """Return the meaning of the terms of a label, "" where it has none."""
     return "; ".join(f"{term.names[0]}: {term.meaning}" for term in terms_in(label))
 
 

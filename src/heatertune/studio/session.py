@@ -73,7 +73,7 @@ def is_printer_log(source: str) -> bool:
 
 
 def read_source(source: str) -> LogSource:
-    """Return what a log file, a built-in table or a folder holds.
+    """Return the content of a log file, a built-in table or a folder.
 
     Raises:
         InputError: a file that is no log, a folder without the documents of `heatertune design`, a specification that

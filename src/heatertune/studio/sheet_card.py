@@ -332,7 +332,7 @@ def answers_to(problem: str) -> dict[str, tuple[str, object]]:
 
 
 def _values(option: Option, words: Sequence[str]) -> list[tuple[str, object]]:
-    """Return what is typed for an option, and its value, of the words that follow its name."""
+    """Return the text typed for an option, and its value, of the words that follow its name."""
     plain = [*map(methodcaller("strip", "'\",.:"), words)]
     if option.kind is bool:
         return [("", True)]

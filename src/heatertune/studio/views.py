@@ -37,7 +37,7 @@ _HOUR_S: Final = 3600.0
 
 
 def diagnosis(log: Log, fitted: FittedModel) -> str:
-    """Return what the log told: outcome, parameters with intervals, doubts, as HTML."""
+    """Return the result of the log: outcome, parameters with intervals, doubts, as HTML."""
     document = to_document(fitted)
     rows = model_rows(document)
     models = len(fitted.plants)
@@ -161,7 +161,7 @@ def conditions(proof: Proof | None) -> str:
 
 
 def sentence(proof: Proof, switch_kind: str) -> str:
-    """Return what the loop does in one sentence; of a first look it is the nominal run's."""
+    """Return the behaviour of the loop in one sentence; of a first look it is the nominal run's."""
     by_name = {criterion.name: criterion.value for criterion in proof.criteria}
     settling, overshoot, switchings = (by_name.get(name) for name in ("settling_time", "overshoot", "switchings"))
     worst = " at worst" if proof.open_points else ", nominal run"
@@ -187,7 +187,7 @@ def duration_text(seconds: float) -> str:
 
 
 def key(names: Sequence[tuple[str, str, str]], *, walls: bool = True) -> str:
-    """Return what each line of a picture is: name, colour and dashes of it; `walls`: of a picture with limits."""
+    """Return the legend of a picture: name, colour and dashes of it; `walls`: of a picture with limits."""
     shown = "".join(
         f'<li><svg width="34" height="10" aria-hidden="true"><line x1="0" y1="5" x2="34" y2="5" stroke="{color}" '
         f'stroke-width="2" stroke-dasharray="{dashes}"/></svg>{text_of(name)}</li>' for name, color, dashes in names)
@@ -208,7 +208,7 @@ def in_words(picture: Picture, runs: int) -> str:
 
 
 def proving_text(done: str) -> str:
-    """Return what the banner says while a proof runs, which is so far."""
+    """Return the banner's text while a proof runs, which is so far."""
     return f"Proving the words on every plausible heater{', ' if done else ''}{done}…"
 
 

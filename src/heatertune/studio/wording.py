@@ -56,7 +56,7 @@ def for_page(text: str) -> str:
 
 
 def fault_text(problem: Exception) -> str:
-    """Return what a user is told of a fault of heatertune itself, and what to do."""
+    """Return the message about a fault of heatertune itself, and the remedy."""
     return (f"Something went wrong inside heatertune ({type(problem).__name__}). Log and settings are kept: move a "
             "control to continue; if it happens again, restart the studio and report what its terminal shows.")
 
@@ -115,7 +115,7 @@ def mend_for(result: DesignResult, settings: StudioSettings) -> SuggestedChange:
 
 
 def assumptions_text(settings: StudioSettings) -> str:
-    """Return what was allowed or taken as known beside the defaults, "" where nothing was."""
+    """Return the limits and assumptions other than the defaults, "" where there are none."""
     parts = [f"{name} = {setting}" for name, setting in settings.assumptions]
     parts += [f"{name.replace('-', ' ')} up to {value}" for name, _, value in
               (limit.partition("=") for limit in settings.limits)]

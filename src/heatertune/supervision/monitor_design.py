@@ -586,7 +586,7 @@ class SupervisionView:
 
 
 def read_supervision(path: str | Path) -> SupervisionView:
-    """Return what a supervision.json holds.
+    """Return the content of a supervision.json.
 
     Raises:
         DocumentError: it is none, or does not hold together; the error names the field.

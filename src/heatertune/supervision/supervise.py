@@ -551,7 +551,7 @@ def _runs(bench: Bench, drawn: SampleCounts) -> list[Ran]:
 
 
 def _head(words: Words, family: HeaterFamily, design: MonitorDesign, card: Card) -> Iterator[str]:
-    """Return what the program says first."""
+    """Return the head of the program."""
     yield (f"Supervision of the heater by {words.target}'s own rule, numbers by heatertune" if words.target in TARGETS
            else f"Monitor of the heater beside the controller of {words.target}, written by heatertune")
     yield from textwrap.wrap(WARNING, 100)
@@ -566,7 +566,7 @@ def _seconds(time: float) -> str:
 
 
 def _meanings(design: MonitorDesign, card: Card, scan: float) -> Iterator[str]:
-    """Return what the numbers mean, one sentence for each rule."""
+    """Return the meaning of the numbers, one sentence for each rule."""
     numbers, step = design.numbers, card.step_degC
     block = numbers.block * scan
     yield f"A block is {numbers.block} scans, {_seconds(block)}."

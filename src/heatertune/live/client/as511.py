@@ -127,7 +127,7 @@ class As511Client(RequestConnection):
                                   f"was overwritten is not known")
 
     def _talked(self, ask: Callable[[], Answer], what: str) -> Answer:
-        """Return what `ask` returns; tell a refusal."""
+        """Return the result of `ask`; report a refusal."""
 
         def asked() -> Answer:
             try:

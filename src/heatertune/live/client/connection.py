@@ -156,7 +156,7 @@ _READ: Final[Mapping[str, Callable[[str], Address]]] = {
 
 
 def _network(text: str, scheme: str, url: str) -> tuple[dict[str, Any], str]:
-    """Return what all addresses in a network have, and the path."""
+    """Return the parts that all addresses in a network have, and the path."""
     try:
         parts = urlsplit(url)
         host, port = parts.hostname, parts.port
@@ -246,7 +246,7 @@ class RequestConnection(ClosesOnExit):
     """A connection that is closed at the first request without an answer."""
 
     def sign_of_life(self) -> SignOfLife:
-        """Return what the protocol tells of the CPU; errors as `Client.read`."""
+        """Return the protocol's report on the CPU; errors as `Client.read`."""
         return SignOfLife()
 
     def __init__(self, address: Address) -> None:
@@ -254,7 +254,7 @@ class RequestConnection(ClosesOnExit):
         self._address, self._open, self._under_way = address, True, False
 
     def _answer_to(self, ask: Callable[[], Answer], what: str) -> Answer:
-        """Return what a request answers; `ask` raises `PlcRefused`, `LinkDown` or anything of the library's own."""
+        """Return the answer to a request; `ask` raises `PlcRefused`, `LinkDown` or anything of the library's own."""
         if not self._open:
             raise LinkDown(f"{self._address.text}: the connection is closed")
         self._under_way = True
@@ -333,7 +333,7 @@ class Client(Protocol):
         """
 
     def sign_of_life(self) -> SignOfLife:
-        """Return what the protocol tells of the CPU behind what was read last; errors as `read`."""
+        """Return the protocol's report on the CPU behind the last read; errors as `read`."""
 
     def close(self) -> None:
         """Close the connection; harmless where it is closed."""
@@ -376,7 +376,7 @@ def demand_library(protocol: str) -> None:
 
 
 def status_of_simulator(client: Client) -> SimulatorStatus | None:
-    """Return what the simulator's own block says; None: this is no simulator.
+    """Return the content of the simulator's own block; None: this is no simulator.
 
     Raises:
         LinkError: no answer.

@@ -61,7 +61,7 @@ class ModbusClient(RequestConnection):
             self._library.write_registers(first, registers, device_id=self._address.way[0]), what), what)
 
     def sign_of_life(self) -> SignOfLife:
-        """Return what the heartbeat register shows, where the address names one."""
+        """Return the value of the heartbeat register, where the address names one."""
         register = self._address.heartbeat
         if register is None:
             return SignOfLife()

@@ -137,7 +137,7 @@ class OpcuaClient(RequestConnection):
         return self._ranges[number]
 
     def _run(self, ask: Callable[[], Awaitable[Answer]], what: str) -> Answer:
-        """Return what a request answers, in a channel that is young enough."""
+        """Return the answer to a request, in a channel that is young enough."""
 
         async def renewed() -> Answer:
             if time.monotonic() - self._open_since > _RENEWED * self._library.secure_channel_timeout / 1000.0:

@@ -90,7 +90,7 @@ class S7Client(RequestConnection):
 
 
 def _why(problem: S7ProtocolError) -> str:
-    """Return what the PLC says, and what most often is behind it."""
+    """Return the PLC's message, and its most frequent cause."""
     return (f"{problem} (there is no such block, it is shorter, write-protected, or, in an S7-1200/1500, an optimized "
             f"block or PUT/GET not permitted: OPC UA needs neither)")
 

@@ -216,7 +216,7 @@ def signals_as_ctrl_c() -> Iterator[None]:
 
 
 def live_line(so_far: RecordingState, wall_s: float, hand: str = "") -> str:
-    """Return what is recorded just now, on one line of a terminal.
+    """Return the current readings, on one line of a terminal.
 
     Args:
         so_far: recorded.

@@ -110,7 +110,7 @@ def _limit_degC(settings: argparse.Namespace) -> float:
 
 
 def _reach(folder: str) -> Reach | None:
-    """Return what the plausible heaters of a folder's design reach, None where it holds no model."""
+    """Return the reach of the plausible heaters of a folder's design, None where it holds no model."""
     from heatertune.live.serve import read_folder
     from heatertune.live.write.band import Reach
 
@@ -191,7 +191,7 @@ def _restored(settings: argparse.Namespace) -> int:
 
 
 def _of_restored(restored: bool | None, address: str, power_pct: float | None = None) -> str:
-    """Return what stands in the PLC, as far as that is known."""
+    """Return the content of the PLC, as far as it is known."""
     if restored is None:
         power = "" if power_pct is None else f" at {power_pct:g} %"
         return (f"UNKNOWN what stands there: no answer. The controller may be in manual{power}. Look at it; and once "

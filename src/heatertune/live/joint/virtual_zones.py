@@ -216,7 +216,7 @@ class VirtualZones(VirtualPlc):
             self.end_scan()
 
     def _events(self) -> list[ZoneEvent]:
-        """Return what happens to the zones and their heaters, in order of time."""
+        """Return the events of the zones and their heaters, in order of time."""
         events = [event for zone, setpoint in enumerate(self._design.specification.setpoints_degC) for event in (
             ZoneEvent(0.0, "setpoint", zone, setpoint), ZoneEvent(0.0, "on", zone))]
         gains = self._design.fitted.network.gains_degC_per_pct

@@ -262,7 +262,7 @@ def apply_zones(wanted: ZonesWriteRequest, confirm: str | None, progress: Progre
 
 
 def _back_parts(plan: ZonesPlan, peers: Sequence[Peer]) -> list[WayBackPart]:
-    """Return what brings back all zones, in the order in which they are written."""
+    """Return the commands that restore all zones, in the order in which they are written."""
     return [WayBackPart(part.start, part.before, {part.after}, address=peers[zone].address.text)
             for zone in plan.order for part in plan.zones[zone].parts]
 
@@ -379,7 +379,7 @@ def _demand_digits(digest: str, confirm: str | None) -> None:
 
 
 def _befores(folder: str | Path) -> list[Before]:
-    """Return what the records of a folder say, in the order in which the zones were written; errors as `before_of`."""
+    """Return the records of a folder, in the order in which the zones were written; errors as `before_of`."""
     files = sorted(Path(folder).glob("*_zone*.jsonl"), key=lambda path: int(path.name.partition("_")[0]))
     records = [before_of(path) for path in files]
     if len({(each.lines.begin["digest"], each.address.host, each.address.port) for each in records}) != 1:
@@ -398,7 +398,7 @@ def _peers_of_records(befores: Sequence[Before], link: LinkSettings | None) -> I
 
 
 def inspect_zones(folder: str | Path, link: LinkSettings | None = None) -> tuple[dict[str, WriteEnd], str]:
-    """Return what became of the write of each zone, and the digits that confirm its restoration.
+    """Return the outcome of the write of each zone, and the digits that confirm its restoration.
 
     Raises:
         DocumentError: the records are damaged.

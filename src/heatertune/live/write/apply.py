@@ -257,7 +257,7 @@ def apply_write(wanted: WriteRequest, yes: str | None, progress: Progress = str)
 
 
 def _of_earlier(hold: Hold, begun: WayBack | None, look: BlockSnapshot) -> tuple[str, ...]:
-    """Return what became of a write that never ended, a sentence; its hold is over once that is recorded."""
+    """Return the outcome of a write that never ended, a sentence; its hold is over once that is recorded."""
     if begun is None:
         return ()
     try:

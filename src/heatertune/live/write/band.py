@@ -231,7 +231,7 @@ def highest_message(conditions: Conditions, degC: float) -> str:
 
 
 def _unread_degC(words: Words, fitted: FittedModel, noise_degC: float) -> float:
-    """Return what a reading cannot tell, and what the best of the plausible heaters left over of its own log [°C]."""
+    """Return the resolution of a reading plus the residual of the best plausible heater on its own log [°C]."""
     count = words.scaling.span_degC / controller_for(words.target).sensor(words.scaling).counts
     left = [each.rmse_degC for each in fitted.candidates if math.isfinite(each.rmse_degC)]
     return max(_SIGMAS * noise_degC, count) + min(left, default=0.0)

@@ -94,7 +94,7 @@ class BlockImage:
         raise ValueError(f"byte {start} is not read")
 
     def read(self, client: Client) -> bytes:
-        """Return what stands there; errors as `Client.read`."""
+        """Return the content of the block; errors as `Client.read`."""
         return b"".join(client.read(self.number, begin, count) for begin, count in self.spans)
 
     def values(self, content: bytes) -> dict[str, Number]:
@@ -154,7 +154,7 @@ class BlockImage:
         return value in read or stands in (*mixtures, *map(signal.stored, read))  # of many NaN one stays, and of zeros
 
     def parts(self, content: bytes, values: Mapping[str, Number]) -> list[WritePart]:
-        """Return what is to be written so that words stand there: those that differ, neighbours together.
+        """Return the parts to write so that words stand there: those that differ, neighbours together.
 
         Args:
             content: bytes of the block as they are.
@@ -216,7 +216,7 @@ def block_image(words: Words, address: Address, switches: Mapping[str, str]) -> 
 
 
 def _spans(block: ServedBlock) -> tuple[tuple[int, int], ...]:
-    """Return what has to be read: all at once, or, of registers that are not in a row, run by run."""
+    """Return the ranges to read: all at once, or, of registers that are not in a row, run by run."""
     if len(block.registers) > 1:
         return tuple((2 * run.first, 2 * run.size) for run in block.registers)
     cells = [slice(each.start, each.start + each.size) for each in (*block.words.values(), *block.signals.values())]
@@ -309,7 +309,7 @@ class Peer(ClosesOnExit):
     _client: Client | None
 
     def look(self) -> BlockSnapshot:
-        """Return what stands there; a lost connection is made anew, as often as `Link` allows.
+        """Return the content of the block; a lost connection is opened again, as often as `Link` allows.
 
         Raises:
             LinkError: no connection, or the PLC says that there is no such block.
@@ -363,7 +363,7 @@ class Peer(ClosesOnExit):
             raise
 
     def later(self, since: BlockSnapshot, scans: int) -> BlockSnapshot:
-        """Return what stands there so many scans later, or, where none pass, in STOP at once, else after a while.
+        """Return the content so many scans later, or, where none pass, in STOP at once, else after a while.
 
         Raises:
             LinkError: as `look`.

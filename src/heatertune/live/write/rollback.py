@@ -63,7 +63,7 @@ class Before:
 
 
 def before_of(path: str | Path) -> Before:
-    """Return what a record says.
+    """Return the content of a record.
 
     Raises:
         DocumentError: it is none, not whole, or its parts do not fit together: it was changed since.
@@ -105,7 +105,7 @@ def _check_bytes(begin: Mapping[str, Any], there: BlockImage, content: bytes, pa
 
 
 def stands(before: Values, after: Values, values: Values, names: list[str]) -> tuple[WriteOutcome, str]:
-    """Return what stands in a PLC, held against a write.
+    """Return the comparison of a PLC's content with a write.
 
     Args:
         before: all words as they were.
@@ -139,7 +139,7 @@ def record_outcome(lines: Lines, look: BlockSnapshot) -> str:
 
 
 def became(before: Before, look: BlockSnapshot) -> WriteEnd:
-    """Return what became of a write, by its record's last line and what stands in the PLC."""
+    """Return the outcome of a write, by its record's last line and the content of the PLC."""
     names = [name for part in before.parts for name in part.names]
     outcome, state = stands(before.before, before.after, look.values, names)
     last = before.lines.steps[-1] if before.lines.steps else before.lines.begin
@@ -150,7 +150,7 @@ def became(before: Before, look: BlockSnapshot) -> WriteEnd:
 
 
 def inspect_write(before: Before, link: LinkSettings | None = None) -> WriteEnd:
-    """Return what became of a write, and what stands in the PLC now.
+    """Return the outcome of a write, and the content of the PLC now.
 
     Raises:
         LinkError: it cannot be read.
@@ -387,7 +387,7 @@ def _passage(before: Before, words: Words, steps: Sequence[Step]) -> Passage:
 
 
 def _read(before: Before, kind: type[T], step: Step) -> T:
-    """Return what is needed of a step; raise DocumentError where it is not there."""
+    """Return the required fields of a step; raise DocumentError where it is not there."""
     names = [field.name for field in fields(cast("Any", kind))]
     where = f"{before.lines.path}, step {step['step']!r} of {step.get('at')}"
     return decode(kind, {name: step[name] for name in names if name in step}, where)
@@ -402,7 +402,7 @@ def _instant(before: Before, text: str) -> str:
 
 
 def _quantities(words: Words, present_values: Values | None, left: Values | None) -> tuple[Quantity, ...]:
-    """Return what words mean: as found, proven, as left."""
+    """Return the meaning of words: as found, proven, as left."""
     proven = _meant(words, {})
     one, other = (None if values is None else _meant(words, values) for values in (present_values, left))
     return tuple(

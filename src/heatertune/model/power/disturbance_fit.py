@@ -232,7 +232,7 @@ def _last(start: tuple[float, ...], bounds: Array, *, own_lag: bool) -> float:
 
 
 def _late_edges(log: Log, problem: _Problem, fit: _Fit) -> Array:
-    """Return what edges that were written late do to the readings, a standard deviation each, shape (n, k) [°C].
+    """Return the effect on the readings of edges written late, a standard deviation each, shape (n, k) [°C].
 
     A signal changes at any instant of the interval before the row that shows it: evenly spread.
     """

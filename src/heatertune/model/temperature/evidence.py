@@ -334,7 +334,7 @@ def regulation_remarks(log: Log, rmse_degC: float) -> Iterator[Remark]:
 
 
 def _restart_note(log: Log) -> str:
-    """Return what to do about the deepest fall in a log without power, if a temperature was held before it.
+    """Return the advice about the deepest fall in a log without power, if a temperature was held before it.
 
     A part after the fall does not begin at the temperature of the room, so it is no way out.
     """

@@ -88,7 +88,7 @@ def _values(words: Mapping[str, int]) -> dict[str, Number]:
 
 
 def loaders(files: Mapping[str, str | bytes], assume: ContCAssumptions) -> dict[str, Callable[[], ExportedContC]]:
-    """Return what loads the source."""
+    """Return the function that loads the source."""
     return {_FILE: lambda: ExportedContC(str(files[_FILE]), assume)}
 
 
@@ -105,7 +105,7 @@ def from_image(image: bytes, _sample_time_s: float, source: str) -> dict[str, Nu
 
 
 def oddities(words: Words) -> tuple[str, ...]:
-    """Return what is odd about a controller's words, one sentence each."""
+    """Return the oddities of a controller's words, one sentence each."""
     v, call_ms = words.values, 1000.0 * words.sample_time_s
     half = v["CYCLE"] / 2.0
     checks = [

@@ -167,7 +167,7 @@ def _interval_s(make: FirmwarePid, values: Values) -> float:
 
 
 def _oddities(make: FirmwarePid, words: Words) -> tuple[str, ...]:
-    """Return what is odd about the words of a firmware that runs, one sentence each."""
+    """Return the oddities of the words of a running firmware, one sentence each."""
     (kp, ki, _), values = (each.name for each in make.gains), words.values
     remarks = [f"{kp} is 0: there is no proportional part."] if values[kp] == 0.0 else []
     if values[ki] == 0.0:
@@ -189,7 +189,7 @@ def _entries(make: FirmwarePid, words: Words, _setpoint_degC: float | None, _uni
 
 
 def _loads(make: FirmwarePid, files: Mapping[str, str | bytes], _assume: Any) -> Loads:
-    """Return what reads the settings in each file."""
+    """Return the functions that read the settings in each file."""
     return {name: partial(settings, str(files[name])) for name, settings in make.settings_in.items()}
 
 

@@ -122,7 +122,7 @@ def _no_reset(b: StandardPidBlock) -> str:
 
 
 def _first_call(b: StandardPidBlock) -> str:
-    """Return what the first call after a start-up gives, when it is in automatic."""
+    """Return the result of the first call after a start-up, when it is in automatic."""
     if b.td == 0.0:
         return ""
     error, side = (single(-10.0), "below") if b.kp < 0.0 else (single(10.0), "above")

@@ -45,7 +45,7 @@ def by_role(make: Make, role: str) -> Entry | None:
 
 
 def entry_value(entry: Entry, number: Number) -> float:
-    """Return what a number that is written means, in the unit of its entry."""
+    """Return the value of a written number, in the unit of its entry."""
     return float(number) if entry.real else number / 10.0**entry.decimals
 
 
@@ -213,7 +213,7 @@ def with_period(make: Make, values: Mapping[str, Number], period_s: float) -> di
 
 
 def block_of(make: Make, words: Words, assume: PbandAssumptions) -> PbandBlock:
-    """Return what a sample uses of the words."""
+    """Return the constants of the words that a sample uses."""
     values, ta = words.values, words.sample_time_s
     unit_degC = words.scaling.span_degC / COUNTS
     band = band_degC(make, values, words.scaling.span_degC) / unit_degC

@@ -381,7 +381,7 @@ def _renamed(tag: re.Match[str], tags: BlockTags) -> str:
 def loaders(
     tags: BlockTags, fields: Sequence[WordField], law: InstructionLaw, files: Mapping[str, str | bytes], assume: Any
 ) -> dict[str, Callable[[], ExportedPid | None]]:
-    """Return what loads the source; the interval of the algorithm is Cycle of its words.
+    """Return the function that loads the source; the interval of the algorithm is Cycle of its words.
 
     Args:
         tags: the block's names.

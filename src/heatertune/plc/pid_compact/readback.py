@@ -165,7 +165,7 @@ def _of_thread(
 
 
 def _switched_off(tags: BlockTags) -> dict[str, tuple[str, str]]:
-    """Return what has to be off, tag → its value, and what is told of another."""
+    """Return the tags that have to be off, tag → its value, and the message about another value."""
     listed = {
         tags.active("DeadZone"): ("0.0", "0.0: the proof has no dead zone"),
         tags.active("ControlZone"): ("off", "3.402822E38: the proof has no control zone"),

@@ -98,7 +98,7 @@ def from_cells(cells: Sequence[int]) -> dict[str, int]:
 
 
 def oddities(words: Words) -> tuple[str, ...]:
-    """Return what is odd about a controller's words, one sentence each."""
+    """Return the oddities of a controller's words, one sentence each."""
     v = words.whole
     odd = []
     if v["TI"] == 0:
@@ -425,7 +425,7 @@ def _parameters(typed: tuple[int, ...]) -> Ob251Parameters:
 
 
 def loaders(files: Mapping[str, str | bytes], assume: Ob251Assumptions) -> dict[str, Callable[[], ExportedS5]]:
-    """Return what loads the listing."""
+    """Return the function that loads the listing."""
     return {_FILE: lambda: ExportedS5(str(files[_FILE]), assume)}
 
 

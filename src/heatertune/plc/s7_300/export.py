@@ -55,7 +55,7 @@ class _Exported(ExportedS7):
 
 
 def loaders(files: Mapping[str, str | bytes], assume: PidTipAssumptions) -> dict[str, Callable[[], ExportedS7]]:
-    """Return what loads the source; nothing for other assumptions than its own: the text is one of several."""
+    """Return the loader of the source; nothing for other assumptions than its own: the text is one of several."""
     return {_FILE: lambda: _Exported(str(files[_FILE]), {})} if assume == PidTipAssumptions() else {}
 
 
@@ -79,7 +79,7 @@ def from_image(image: bytes, _sample_time_s: float, source: str) -> dict[str, Nu
 
 
 def oddities(words: Words) -> tuple[str, ...]:
-    """Return what is odd about a controller's words, one sentence each."""
+    """Return the oddities of a controller's words, one sentence each."""
     v, call_ms = words.values, 1000.0 * words.sample_time_s
     odd = []
     if abs(v["SAMPLE"] - call_ms) > _WRONG_CLOCK * call_ms:

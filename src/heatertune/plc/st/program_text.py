@@ -341,7 +341,7 @@ def head_of(
     title: str, words: Words, interval_ms: int, certificate: Certificate, clock: ProgramClock, *,
     tool: str = "a vendor's tool",
 ) -> tuple[str, ...]:
-    """Return what an exported text says first.
+    """Return the head of an exported text.
 
     Args:
         title: what it is.

@@ -60,7 +60,7 @@ _INPUTS: Final = {"EN": "BOOL", "SetPoint": "REAL", "ManualSetPoint": "REAL", "S
 
 def loaders(files: Mapping[str, str | bytes], assume: WegAssumptions) -> dict[str,
                                                                               Callable[[], ExportedProgram | None]]:
-    """Return what loads each file; the block of our own stands for the default assumptions alone."""
+    """Return the functions that load each file; the block of our own stands for the default assumptions alone."""
     loads: dict[str, Callable[[], ExportedProgram | None]] = {_CALL: lambda: _called(str(files[_CALL]), assume)}
     if assume == WegAssumptions():
         loads |= {_EXPORTED_BLOCK: lambda: ExportedProgram(TextProgram(units(str(files[_EXPORTED_BLOCK])), {})),

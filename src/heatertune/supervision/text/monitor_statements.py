@@ -68,7 +68,7 @@ def statements_of(numbers: Numbers) -> Statements:
 
 
 def alarm_text() -> str:
-    """Return what each alarm is called, in one line."""
+    """Return the names of the alarms, in one line."""
     return ", ".join(f"{number} {name}" for number, name in enumerate(ALARMS) if number)
 
 
@@ -150,7 +150,7 @@ def _each_block(numbers: Numbers) -> Iterator[Group]:
 
 
 def _cause(numbers: Numbers, blocks: int, better: str) -> str:
-    """Return what finds the least or largest sum of powers of so many blocks in a row."""
+    """Return the statements that find the least or largest sum of powers of so many blocks in a row."""
     low, high = numbers.delay_low, numbers.delay_high
     text = f"Window := {' + '.join(f'Power_{low + back}' for back in range(blocks))};\nCause := Window;\n"
     for delay in range(low + 1, high + 1):
@@ -160,7 +160,7 @@ def _cause(numbers: Numbers, blocks: int, better: str) -> str:
 
 
 def _margin(numbers: Numbers, blocks: int, factors: tuple[int, ...]) -> str:
-    """Return what holds the movement against its limit: factors of movement, cause and level, and what is added."""
+    """Return the statements of the movement and its margin: factors of movement, cause and level, and what is added."""
     *products, rest = factors
     terms = [(rest, f"{abs(rest)}"), *((factor, f"{abs(factor)} * {what}") for factor, what in zip(
         products, ("Moved", "Cause", f"Level_{blocks}"), strict=True) if factor)]

@@ -261,7 +261,7 @@ class _Compiler:
         return _cut(int(literal.value), *_WHOLE[type_]) if type_ in _WHOLE else literal.value
 
     def _body(self) -> tuple[Run, dict[CodeType, tuple[ProgramUnit, list[int]]]]:
-        """Return what runs the unit's statements, and the lines of its text."""
+        """Return the function that runs the unit's statements, and the lines of its text."""
         source = "\n".join([f"def run({', '.join((*_ROWS, *_FIRST))}):", *self._all(self._unit.body, " ")])
         callees: dict[str, Callable[..., Any]] = {
             f"run_{type_}": block.run for type_, block in self._known.items() if f"run_{type_}(" in source}
@@ -332,7 +332,7 @@ class _Compiler:
         return type_, self._cell(type_, *there)
 
     def _cell(self, type_: str, *places: tuple[int, int, int]) -> str:
-        """Return what names a number in its row."""
+        """Return the expression for a number in its row."""
         row = row_of(type_)
         return f"{_ROWS[row]}[{self._index(_FIRST[row], sum(place[row] for place in places))}]"
 

@@ -348,7 +348,7 @@ class _OneBitProcessor:
         self._counters = dict(state.counters)
 
     def state(self, *, endless: bool) -> OneBitState:
-        """Return what is remembered."""
+        """Return the state that is remembered."""
         return OneBitState(
             self._outputs, self._cff, self._in_series, self._ac1, self._ac2, self._compared,
             tuple(self._timers.items()), tuple(self._counters.items()), self._overflow, endless,

@@ -108,7 +108,7 @@ def _constant(kind: str, digits: str, where: object) -> int:
 
 
 def _word(number: int) -> int:
-    """Return what 16 bits hold of a number, as a signed one."""
+    """Return the low 16 bits of a number, as a signed one."""
     return (number + 0x8000) % 0x10000 - 0x8000
 
 

@@ -238,7 +238,7 @@ class TranslatedBlock(Translation):
         return f"true, first = {two} {asks} {one}, False"
 
     def _loaded(self, at: int, operand: str, place: MemberPlace | None) -> _Value:
-        """Return what L brings: as a number where nothing asks for its bits."""
+        """Return the value that L loads: a number where its bits are not used."""
         if place is None:
             bits = constant(operand)
             meant = as_real(bits)
@@ -481,7 +481,7 @@ class S7300Cpu(Accumulators):
             raise InputError(f"{data}: the source has no member {name} there") from None
 
     def get(self, place: MemberPlace) -> int:
-        """Return what stands at a place: a bit, or bytes as an unsigned number."""
+        """Return the content of a place: a bit, or bytes as an unsigned number."""
         memory = self.memory[place.memory or self.instance]
         if place.size == 0:
             return memory[place.byte] >> place.bit & 1
@@ -559,7 +559,7 @@ class S7300Cpu(Accumulators):
         return None
 
     def _call(self, block: _CodeBlock, operand: str) -> BlockCall:
-        """Return what a CALL does."""
+        """Return the statements of a CALL."""
         callee = re.match(r"((?:FB|FC) \d+)(?: , (DB \d+))?", operand)
         if callee is None:
             raise InputError(f"CALL {operand!r}; expected a block, and its instance where it has one")
