@@ -90,7 +90,7 @@ class ServedBlock(Protocol):
         """Put the controller back in automatic."""
 
     def put_in_manual(self, cells: bytes, power_pct: float) -> tuple[int, bytes]:
-        """Return the writes that put the controller in manual with a power.
+        """Return the write that puts the controller in manual with a power.
 
         Args:
             cells: the block as it stands.

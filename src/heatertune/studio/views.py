@@ -37,7 +37,7 @@ _HOUR_S: Final = 3600.0
 
 
 def diagnosis(log: Log, fitted: FittedModel) -> str:
-    """Return the result of the log: outcome, parameters with intervals, doubts, as HTML."""
+    """Return the fit of the log: outcome, parameters with intervals, doubts, as HTML."""
     document = to_document(fitted)
     rows = model_rows(document)
     models = len(fitted.plants)

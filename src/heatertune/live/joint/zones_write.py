@@ -262,7 +262,7 @@ def apply_zones(wanted: ZonesWriteRequest, confirm: str | None, progress: Progre
 
 
 def _back_parts(plan: ZonesPlan, peers: Sequence[Peer]) -> list[WayBackPart]:
-    """Return the commands that restore all zones, in the order in which they are written."""
+    """Return the parts that restore all zones, in the order in which they are written."""
     return [WayBackPart(part.start, part.before, {part.after}, address=peers[zone].address.text)
             for zone in plan.order for part in plan.zones[zone].parts]
 

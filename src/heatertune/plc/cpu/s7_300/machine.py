@@ -559,7 +559,7 @@ class S7300Cpu(Accumulators):
         return None
 
     def _call(self, block: _CodeBlock, operand: str) -> BlockCall:
-        """Return the statements of a CALL."""
+        """Return the block call of a CALL."""
         callee = re.match(r"((?:FB|FC) \d+)(?: , (DB \d+))?", operand)
         if callee is None:
             raise InputError(f"CALL {operand!r}; expected a block, and its instance where it has one")
