@@ -370,7 +370,7 @@ def _with_edges(sheet: Sheet, value: int, series: Mapping[str, npt.NDArray[np.in
     """Return the rows of the temperature and those of the power's changes between them, and which the latter are.
 
     Where the temperature is not written on change, so that its value there has to be put on a line, they are not many;
-    of a power that changes more than once between two readings its mean is taken, see `held`.
+    of a power that changes more than once between two readings its mean is taken, see `hold_series`.
     """
     rows = series["temperature"]
     if "power" not in series:
