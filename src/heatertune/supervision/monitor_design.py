@@ -141,7 +141,7 @@ class Tally(NamedTuple):
 
 def _tallied(numbers: Numbers, state: Any, readings: Any, powers: Any, settled: int, begins: int, out: Any) -> None:
     restart(state)
-    off, known, last, least, most = True, False, 0, 0, 0
+    off, has_level, last, least, most = True, False, 0, 0, 0
     for k in range(len(readings)):
         reading, power = int(readings[k]), int(powers[k])
         if power < 0:
@@ -156,8 +156,8 @@ def _tallied(numbers: Numbers, state: Any, readings: Any, powers: Any, settled: 
         out[2] = max(out[2], reading - last, last - reading)
         out[3], out[4], out[5], out[6] = max(out[3], still), max(out[4], moved), max(out[5], full), max(out[6], grew)
         if begins <= k < settled and ended:
-            least, most = (min(least, level), max(most, level)) if known else (level, level)
-            out[7], known = most - least, True
+            least, most = (min(least, level), max(most, level)) if has_level else (level, level)
+            out[7], has_level = most - least, True
         last = reading
 
 

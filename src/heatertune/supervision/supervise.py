@@ -122,7 +122,7 @@ def klipper(  # noqa: C901 - one branch for each of the rule, told from its begi
 ) -> tuple[int, float]:
     """Return the scan at which Klipper stops, -1 for never, and the largest error that could have."""
     last, error, most, goal, due = 0.0, 0.0, 0.0, 0.0, 0.0
-    way, begun, until = False, False, 0.0
+    approaching_target, starting_approach, until = False, False, 0.0
     for k in range(len(snapshot)):
         now, aim, temperature = k * scan_s, target[k], snapshot[k]
         if k >= first and aim > 0.0 and not rule.min_temp <= temperature <= rule.max_temp:
@@ -132,26 +132,26 @@ def klipper(  # noqa: C901 - one branch for each of the rule, told from its begi
         due += 1.0
         short = aim - rule.hysteresis - temperature
         if short <= 0.0 or aim <= 0.0:
-            way = begun = False
+            approaching_target = starting_approach = False
             if temperature <= aim + rule.hysteresis:
                 error = 0.0
             last = aim
             continue
         error += short
-        if not way:
+        if not approaching_target:
             if aim != last:
-                way = begun = True
+                approaching_target = starting_approach = True
                 goal, until = temperature + rule.heating_gain, now + rule.check_gain_time
             else:
                 most = max(most, error)
                 if error >= rule.max_error and k >= first:
                     return k, most
         elif temperature >= goal:
-            begun, error = False, 0.0
+            starting_approach, error = False, 0.0
             goal, until = temperature + rule.heating_gain, now + rule.check_gain_time
         elif now >= until:
-            way = False
-        elif begun:
+            approaching_target = False
+        elif starting_approach:
             goal = min(goal, temperature + rule.heating_gain)
         last = aim
     return -1, most
@@ -165,13 +165,13 @@ def marlin(rule: Any, snapshot: Any, target: Any, scan_s: float, first: int) -> 
         now, aim, temperature = k * scan_s, target[k], snapshot[k]
         if k >= first and aim > 0.0 and not rule.min_temp <= temperature <= rule.max_temp:
             return k, most
-        asked, last = aim != last, aim
-        if asked:
+        is_new_target, last = aim != last, aim
+        if is_new_target:
             warm, until = False, -1.0
         if aim <= 0.0:
             continue
-        if rule.watch_increase > 0.0 and (asked or 0.0 <= until < now):
-            if not asked and temperature < goal and k >= first:
+        if rule.watch_increase > 0.0 and (is_new_target or 0.0 <= until < now):
+            if not is_new_target and temperature < goal and k >= first:
                 return k, most
             far = temperature < aim - rule.watch_increase - _BEFORE_WATCH_DEGC
             goal, until = temperature + rule.watch_increase, now + rule.watch_period if far else -1.0
