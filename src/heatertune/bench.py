@@ -168,9 +168,9 @@ def _in_turns(tasks: Mapping[str, Callable[[], object]], rounds: int, progress: 
 
 
 def _seconds(task: Callable[[], object]) -> float:
-    begun = time.perf_counter()
+    start_s = time.perf_counter()
     task()
-    return time.perf_counter() - begun
+    return time.perf_counter() - start_s
 
 
 def _plainly(which: Controller, words: Words) -> None:

@@ -163,9 +163,9 @@ def not_private() -> str | None:
 
 
 def _chosen_folder() -> Path | None:
-    given = os.environ.get("HEATERTUNE_CACHE")
-    if given is not None:
-        return Path(given) if given else None
+    path = os.environ.get("HEATERTUNE_CACHE")
+    if path is not None:
+        return Path(path) if path else None
     base = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA")
     try:
         return (Path(base) if base else Path.home() / ".cache") / "heatertune"
@@ -199,8 +199,8 @@ def release(library: str) -> str:
     It is what its own file of the version says; where it has none, the number that it was installed with, for which
     Python has to read much more.
     """
-    found = find_spec(library)
-    origin = None if found is None else found.origin
+    spec = find_spec(library)
+    origin = None if spec is None else spec.origin
     for name in ("version.py", "_version.py") if origin else ():
         with suppress(OSError):
             return (Path(str(origin)).parent / name).read_text(encoding="utf-8")

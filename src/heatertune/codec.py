@@ -150,10 +150,10 @@ def read_document(path: str | Path, schema: str) -> dict[str, Any]:
         DocumentError: the file is missing, is no JSON object, or carries another schema.
     """
     content = _load(path)
-    named = content.get("schema")
-    if named != schema and not is_earlier(named, schema):
-        raise DocumentError(f"{path}: schema is {named!r}; expected {schema!r}")
-    return content if named == schema else EarlierDocument(with_current_keys(content, schema), content)
+    schema_name = content.get("schema")
+    if schema_name != schema and not is_earlier(schema_name, schema):
+        raise DocumentError(f"{path}: schema is {schema_name!r}; expected {schema!r}")
+    return content if schema_name == schema else EarlierDocument(with_current_keys(content, schema), content)
 
 
 def is_earlier(named: object, schema: str) -> bool:
@@ -162,14 +162,14 @@ def is_earlier(named: object, schema: str) -> bool:
 
 
 def with_current_keys(content: Document, schema: str) -> Document:
-    """Return what a document of the schema before holds, by the keys of a given schema."""
+    """Return the content of a document of the previous schema, by the keys of a given schema."""
     change = _KEY_CHANGES[schema]
     renamed: Document = _with_keys({change.top.get(key, key): value for key, value in content.items()}, change.keys)
     return renamed
 
 
 def read_toml(path: str | Path) -> dict[str, Any]:
-    """Return what a TOML file holds.
+    """Return the content of a TOML file.
 
     Raises:
         DocumentError: it cannot be read, or is no TOML.
@@ -186,16 +186,16 @@ def read_toml(path: str | Path) -> dict[str, Any]:
 
 def peek_schema(path: str | Path) -> str | None:
     """Return the schema as which `read_document` reads a JSON file, None where it names none; errors as there."""
-    named = _load(path).get("schema")
-    return _CURRENT.get(named, named) if isinstance(named, str) else None
+    schema = _load(path).get("schema")
+    return _CURRENT.get(schema, schema) if isinstance(schema, str) else None
 
 
 def _with_keys(value: Any, keys: Mapping[str, str]) -> Any:
     """Rename keys in JSON, those of documents within a document as well."""
     if isinstance(value, dict):
         renamed = {keys.get(key, key): _with_keys(item, keys) for key, item in value.items()}
-        named = value.get("schema")
-        return renamed | ({"schema": _CURRENT[named]} if isinstance(named, str) and named in _CURRENT else {})
+        schema = value.get("schema")
+        return renamed | ({"schema": _CURRENT[schema]} if isinstance(schema, str) and schema in _CURRENT else {})
     return [_with_keys(item, keys) for item in value] if isinstance(value, list) else value
 
 
@@ -217,11 +217,11 @@ def _load(path: str | Path) -> dict[str, Any]:
 
 
 def _object_documents(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    made = dict(pairs)
-    if len(made) < len(pairs):
+    document = dict(pairs)
+    if len(document) < len(pairs):
         names = [name for name, _ in pairs]
         raise ValueError(f"{next(name for name in names if names.count(name) > 1)!r} is there twice")
-    return made
+    return document
 
 
 def _constant(name: str) -> float:
@@ -277,9 +277,9 @@ def construct_from(kind: type[T], *sources: object, **value: Any) -> T:
     So a value is made of its view and a view of its value: what they share needs no line.
     """
     for name in (field.name for field in fields(cast("Any", kind)) if field.init and field.name not in value):
-        held = [item for source in sources if hasattr(source, name) and not callable(item := getattr(source, name))]
-        if held:
-            value[name] = held[0]
+        values = [item for source in sources if hasattr(source, name) and not callable(item := getattr(source, name))]
+        if values:
+            value[name] = values[0]
     return kind(**value)
 
 
@@ -289,14 +289,14 @@ def encode(value: Any) -> Any:
         return float(value) if math.isfinite(value) else None
     if is_dataclass(value) and not isinstance(value, type):
         schema = _SCHEMAS.get(type(value))
-        made: dict[str, Any] = {} if schema is None else {"schema": schema}
+        document: dict[str, Any] = {} if schema is None else {"schema": schema}
         for field in fields(value):
             item = getattr(value, field.name)
             if "flat" in field.metadata:
-                made |= {} if item is None else encode(item)
+                document |= {} if item is None else encode(item)
             elif "left_out" not in field.metadata or not (item is None or (isinstance(item, tuple) and not item)):
-                made[field.name] = encode(item)
-        return made
+                document[field.name] = encode(item)
+        return document
     if isinstance(value, Mapping):
         return {str(key): encode(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
@@ -442,18 +442,18 @@ def _object(kind: Any, value: Any, place: _DocumentPlace) -> Any:
     if (schema := schema_of(kind)) is not None and rest.pop("schema", None) != schema:
         raise place.error(f"schema is {value.get('schema')!r}; expected {schema!r}")
     kinds, needed, groups = _shape(kind)
-    made = {}
+    fields = {}
     for name, group in groups.items():
         if part := {inner: rest.pop(inner) for inner in _shape(group)[0] if inner in rest}:
-            made[name] = _object(group, part, place)
+            fields[name] = _object(group, part, place)
     for name in rest:
         if name not in kinds:
             raise place.field(name).error("no such field")
     for name in kinds:
         if name in needed and name not in rest:
             raise place.field(name).error("is missing")
-    made |= {name: _decoded(kinds[name], item, place.field(name)) for name, item in rest.items()}
+    fields |= {name: _decoded(kinds[name], item, place.field(name)) for name, item in rest.items()}
     try:
-        return kind(**made)
+        return kind(**fields)
     except InputError as problem:
         raise place.error(problem) from problem

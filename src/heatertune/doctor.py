@@ -60,19 +60,19 @@ def document(findings: Sequence[InstallationCheck]) -> dict[str, Any]:
 
 
 def _python() -> InstallationCheck:
-    wanted = ".".join(map(str, _PYTHON))
+    version = ".".join(map(str, _PYTHON))
     return InstallationCheck(
         name="Python", value=f"{platform.python_version()} on {platform.system()} {platform.machine()}",
-        ok=sys.version_info >= _PYTHON, remedy=f"install Python {wanted} or newer",
+        ok=sys.version_info >= _PYTHON, remedy=f"install Python {version} or newer",
     )
 
 
 def _requirements() -> Iterator[tuple[str, str, str]]:
     """Yield name, versions ("" for any) and extra ("" for none) of all that heatertune's own metadata names."""
     for line in metadata.requires("heatertune") or ():
-        named = _REQUIREMENT.match(line)
-        if named:
-            yield named[1], named[2].strip(" ()"), named[3] or ""
+        match = _REQUIREMENT.match(line)
+        if match:
+            yield match[1], match[2].strip(" ()"), match[3] or ""
 
 
 def _packages() -> Iterator[InstallationCheck]:
@@ -165,10 +165,10 @@ def _results() -> InstallationCheck:
         return InstallationCheck(name="cache of results", value=why, ok=False, required=False, remedy=_PRIVATE)
     if place is None:
         return InstallationCheck(name="cache of results", value="switched off", ok=True, required=False)
-    kept = list(place.glob("*.json")) if place.is_dir() else []
-    megabytes = sum(file.stat().st_size for file in kept) / 1e6
+    files = list(place.glob("*.json")) if place.is_dir() else []
+    megabytes = sum(file.stat().st_size for file in files) / 1e6
     return InstallationCheck(
-        name="cache of results", value=f"{place}: {len(kept)} results, {megabytes:.1f} MB", ok=_writable(place),
+        name="cache of results", value=f"{place}: {len(files)} results, {megabytes:.1f} MB", ok=_writable(place),
         required=False, remedy="set HEATERTUNE_CACHE to a writable folder; without it every fit is repeated",
     )
 
@@ -181,9 +181,9 @@ def _compiled() -> InstallationCheck:
     if place is None:
         off = "switched off: every process compiles"
         return InstallationCheck(name="cache of compiled code", value=off, ok=True, required=False)
-    kept = machine_code(place)
-    megabytes = sum(path.stat().st_size for path in kept) / 1e6
-    state = f"warm, {len(kept)} functions, {megabytes:.1f} MB" if kept else "cold: the first run compiles some seconds"
+    code = machine_code(place)
+    megabytes = sum(path.stat().st_size for path in code) / 1e6
+    state = f"warm, {len(code)} functions, {megabytes:.1f} MB" if code else "cold: the first run compiles some seconds"
     return InstallationCheck(
         name="cache of compiled code", value=f"{place}; {state}", ok=_writable(place), required=False,
         remedy="set HEATERTUNE_CACHE to a folder that can be written; without it every process compiles",
@@ -199,11 +199,11 @@ def _writable(place: Path) -> bool:
 
 def _extras() -> Iterator[InstallationCheck]:
     try:
-        wanted = [(name, extra) for name, _, extra in _requirements() if extra]
+        pairs = [(name, extra) for name, _, extra in _requirements() if extra]
     except metadata.PackageNotFoundError:
         return
-    for extra in sorted({extra for _, extra in wanted}):
-        missing = [name for name, of in wanted if of == extra and not _installed(name)]
+    for extra in sorted({extra for _, extra in pairs}):
+        missing = [name for name, of in pairs if of == extra and not _installed(name)]
         yield InstallationCheck(
             name=f"extra {extra}", value=f"missing: {', '.join(missing)}" if missing else "complete", ok=not missing,
             required=False, remedy=f"pip install 'heatertune[{extra}]'",

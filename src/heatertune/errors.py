@@ -47,8 +47,8 @@ def closest(name: str, names: Iterable[str]) -> str | None:
     import difflib
 
     lower = {each.lower(): each for each in names}
-    begun = [each for each in lower if each.startswith(name.lower())]
-    near = begun if len(begun) == 1 else difflib.get_close_matches(name.lower(), list(lower), n=1)
+    matches = [each for each in lower if each.startswith(name.lower())]
+    near = matches if len(matches) == 1 else difflib.get_close_matches(name.lower(), list(lower), n=1)
     return lower[near[0]] if near and len(name) > _SHORT else None
 
 
@@ -91,8 +91,8 @@ class LogError(InputError):
         place = f"{file}" + (f", line {line}" if line is not None else "")
         place += f", column {column}" if column is not None else ""
         shown = f" {value!r}" if value is not None else ""
-        wanted = f"; expected {expected}" if expected is not None else ""
-        super().__init__(f"{place}: {problem}{shown}{wanted}")
+        expectation = f"; expected {expected}" if expected is not None else ""
+        super().__init__(f"{place}: {problem}{shown}{expectation}")
 
     def __reduce__(self) -> tuple[object, ...]:
         return _rebuild_log_error, (self.problem, self.file, self.line, self.column, self.value, self.expected)
@@ -140,10 +140,10 @@ def demand_known(names: Iterable[str], options: Iterable[str], near: Mapping[str
     Raises:
         UnknownOption: the first of them.
     """
-    known = tuple(options)
+    valid = tuple(options)
     for name in names:
-        if name not in known:
-            raise UnknownOption(name, known, near=(near or {}).get(name))
+        if name not in valid:
+            raise UnknownOption(name, valid, near=(near or {}).get(name))
 
 
 class OutOfRange(InputError):

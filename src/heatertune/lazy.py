@@ -22,12 +22,12 @@ def lazy_attributes(
         homes: module, as named within heatertune → what of it the package offers; no name of it is that of a module
             of the package, which would hide it.
     """
-    found = {name: home for home, names in homes.items() for name in names}
+    home_of = {name: home for home, names in homes.items() for name in names}
 
     def get(name: str) -> Any:
-        if name in found:
-            return getattr(import_module(f"heatertune.{found[name]}"), name)
-        meant = "" if name.startswith("_") else did_you_mean(name, found)
+        if name in home_of:
+            return getattr(import_module(f"heatertune.{home_of[name]}"), name)
+        meant = "" if name.startswith("_") else did_you_mean(name, home_of)
         raise AttributeError(f"module {package!r} has no attribute {name!r}{meant}")
 
     return get, lambda: sorted(sys.modules[package].__all__)

@@ -290,8 +290,8 @@ def merge_options(kind: type[_T], settings: _T | None, changed: Keywords, *, als
         InputError: as `validate_options`.
     """
     _demand_options(changed, kind, also=also)
-    given: Any = kind() if settings is None else settings
-    return kind(**{name: getattr(given, name) for name in options_of(kind)} | dict(changed))
+    base: Any = kind() if settings is None else settings
+    return kind(**{name: getattr(base, name) for name in options_of(kind)} | dict(changed))
 
 
 def _demand_options(keywords: Iterable[str], *kinds: type, also: Iterable[str] = ()) -> None:
@@ -305,9 +305,9 @@ def _demand_options(keywords: Iterable[str], *kinds: type, also: Iterable[str] =
     Raises:
         UnknownOption: the first of them; its text names the closest option, also by its flag's name.
     """
-    known = {name: one.dest for kind in kinds for name, one in options_of(kind).items()}
-    demand_known([name for name in keywords if name not in known], [*known, *also],
-                 {dest: name for name, dest in reversed(known.items())})
+    destinations = {name: one.dest for kind in kinds for name, one in options_of(kind).items()}
+    demand_known([name for name in keywords if name not in destinations], [*destinations, *also],
+                 {dest: name for name, dest in reversed(destinations.items())})
 
 
 def split_options(keywords: Keywords, *kinds: type, also: Iterable[str] = ()) -> list[Keywords]:
@@ -328,17 +328,17 @@ def with_options(*kinds: type, own: Keywords | None = None) -> Callable[[_Verb],
     """
     def decorate(verb: _Verb) -> _Verb:
         signature = inspect.signature(verb)
-        named = [each for each in signature.parameters.values() if each.kind is not inspect.Parameter.VAR_KEYWORD]
+        parameters = [each for each in signature.parameters.values() if each.kind is not inspect.Parameter.VAR_KEYWORD]
         options = {name: one for kind in kinds for name, one in options_of(kind).items()
                    if name not in signature.parameters}
         defaults = {**(own or {}), **{name: one.default for name, one in options.items()}}
         keywords = [inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default)
                     for name, default in defaults.items()]
         lines = "\n".join(_described(one) for one in options.values())
-        called = _noted(checked_arguments(verb), options)
-        called.__doc__ = f"{inspect.getdoc(verb)}\n\nOptions:\n{lines}"
-        called.__signature__ = signature.replace(parameters=[*named, *keywords])  # type: ignore[attr-defined]  # inspect reads it
-        return called
+        wrapper = _noted(checked_arguments(verb), options)
+        wrapper.__doc__ = f"{inspect.getdoc(verb)}\n\nOptions:\n{lines}"
+        wrapper.__signature__ = signature.replace(parameters=[*parameters, *keywords])  # type: ignore[attr-defined]  # inspect reads it
+        return wrapper
 
     return decorate
 

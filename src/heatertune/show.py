@@ -52,8 +52,8 @@ def _meant(value: Any, name: str) -> str | None:
     names = [each for each in (*dir(value), *(f"model.{part}" for part in of_model))
              if not each.startswith(("_", "model._"))]
     symbol = _SYMBOLS.get(name.lower(), " ")
-    begun = (each for each in names if each.removeprefix("model.").startswith(symbol))
-    return next(begun, None) or closest(name, names)
+    starts = (each for each in names if each.removeprefix("model.").startswith(symbol))
+    return next(starts, None) or closest(name, names)
 
 
 class Artist(Protocol):

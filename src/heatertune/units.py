@@ -76,8 +76,8 @@ def check(field: str, value: float, *, above: float | None = None, least: float 
         (least is None or value >= least, f">= {least:g}" if least is not None else ""),
         (most is None or value <= most, f"<= {most:g}" if most is not None else ""),
     ]
-    for kept, rule in rules:
-        if not kept:
+    for holds, rule in rules:
+        if not holds:
             raise OutOfRange(field, value, rule)
 
 
@@ -223,10 +223,10 @@ def the_term(name: str) -> GlossaryTerm:
     Raises:
         InputError: there is none of that name.
     """
-    found = _EXACT.get(name) or _FOLDED.get(name.casefold())
-    if found is None:
+    term = _EXACT.get(name) or _FOLDED.get(name.casefold())
+    if term is None:
         raise InputError(f"unknown term {name!r}{did_you_mean(name, _EXACT)} (see: heatertune terms)")
-    return found
+    return term
 
 
 def terms_in(text: str) -> tuple[GlossaryTerm, ...]:
@@ -234,5 +234,5 @@ def terms_in(text: str) -> tuple[GlossaryTerm, ...]:
     def used(name: str) -> bool:
         return re.search(rf"(?<!\w){re.escape(name)}s?(?!\w)", text) is not None
 
-    found = [term for term in TERMS if any(map(used, term.names))]
-    return tuple(sorted(found, key=lambda term: term.names[0].casefold()))
+    terms = [term for term in TERMS if any(map(used, term.names))]
+    return tuple(sorted(terms, key=lambda term: term.names[0].casefold()))

@@ -36,7 +36,7 @@ _SURROGATE: Final = re.compile("[\ud800-\udfff]")
 
 
 def read_bytes(path: str | Path) -> bytes:
-    """Return what a file or a pipe holds.
+    """Return the content of a file or a pipe.
 
     Raises:
         OSError: there is none, it is a folder, a device or a pipe that nobody writes to, its name cannot be one, or it
@@ -101,9 +101,9 @@ def display_name(name: str) -> str:
 
 def state_folder() -> Path | None:
     """Return the user's state folder, which `HEATERTUNE_STATE` moves; None: the user has no home."""
-    given = os.environ.get("HEATERTUNE_STATE")
-    if given:
-        return Path(given)
+    path = os.environ.get("HEATERTUNE_STATE")
+    if path:
+        return Path(path)
     base = os.environ.get("XDG_STATE_HOME") or os.environ.get("LOCALAPPDATA")
     try:
         return (Path(base) if base else Path.home() / ".local" / "state") / "heatertune"
@@ -227,7 +227,7 @@ def _one_by_one(folder: Path, data: Mapping[str, bytes], gone: Collection[str]) 
     new = {name: _temporary_path(folder / name, "part") for name in data}
     old = {name: _temporary_path(folder / name, "old") for name in (*data, *gone) if len(data) + len(gone) > 1}
     placed: list[str] = []
-    made = [path for path in {(folder / name).parent for name in data} if not path.exists() and path != folder]
+    folders = [path for path in {(folder / name).parent for name in data} if not path.exists() and path != folder]
     try:
         for name, content in data.items():
             new[name].parent.mkdir(parents=True, exist_ok=True)
@@ -251,7 +251,7 @@ def _one_by_one(folder: Path, data: Mapping[str, bytes], gone: Collection[str]) 
         raise
     finally:
         _forget(*new.values(), *old.values())
-        for path in made:
+        for path in folders:
             with contextlib.suppress(OSError):  # it holds what was written
                 path.rmdir()
 

@@ -123,12 +123,12 @@ def zone_row(name: str, find: Callable[[], FittedModel], request: DesignRequest)
         fitted = find()
         row |= _model(fitted)
         with cache.cache_disabled(), without_explanation(), on_one():
-            begun = list[str]()
+            stages = list[str]()
             try:
-                design = closed_on_samples(fitted, request, stage=begun.append)
+                design = closed_on_samples(fitted, request, stage=stages.append)
                 proof = as_exported(design.proof)
             finally:
-                stage = f"no {begun[-1]}"
+                stage = f"no {stages[-1]}"
             return row | _design(design.ideal) | _words(proof.words) | _proof(proof) | _sampled(proof)
     except HeatertuneError as problem:
         return row | {"outcome": "no log" if isinstance(problem, LogError) else stage, "reason": str(problem)}
@@ -273,16 +273,16 @@ def find_logs(logs: str | Path) -> tuple[str, list[str]]:
 
 def _log_files(logs: str | Path) -> tuple[Iterable[Path], str]:
     """Return the files, and what was looked for."""
-    given = Path(logs)
-    if given.is_dir():
+    place = Path(logs)
+    if place.is_dir():
         return (
-            (path for path in given.rglob("*") if path.suffix.lower() in _ENDINGS and _is_log(path)),
+            (path for path in place.rglob("*") if path.suffix.lower() in _ENDINGS and _is_log(path)),
             f"files that end in {', '.join(_ENDINGS)}",
         )
-    if has_magic(str(logs)) and not given.exists():
+    if has_magic(str(logs)) and not place.exists():
         matching = glob(str(logs), recursive=True)  # noqa: PTH207 - `Path.glob` takes no absolute pattern
         return (path for path in map(Path, matching) if _is_log(path)), "files that match"
-    return _listed(given), "one path per line"
+    return _listed(place), "one path per line"
 
 
 def _is_log(path: Path) -> bool:

@@ -124,9 +124,9 @@ def health(
             `heatertune.batch.engine`.
     """
     folder, names = find_logs(logs)
-    told, beside = _listed(loops)
+    names_or_table, documents = _listed(loops)
     earlier = {} if since is None else {row["name"]: row for row in read_rows(Path(since))}
-    cases = [_with_documents(loop, beside, earlier.get(loop.name)) for loop in list_loops(names, told)]
+    cases = [_with_documents(loop, documents, earlier.get(loop.name)) for loop in list_loops(names, names_or_table)]
     batch = CaseBatch(
         do=_examined, common=settings, cases=cases, sent=partial(_sent, folder), lost=_lost, columns=_COLUMNS,
         identity={"asked": repr(settings.request), "read": repr(settings.read), "logs": hashlib.sha256(
@@ -145,7 +145,7 @@ def health(
 
 
 def _listed(loops: str | Path | Mapping[str, LoopEntry] | None) -> tuple[Mapping[str, LoopEntry], Path]:
-    """Return what is said of the loops, and where the folders that it names lie."""
+    """Return the entries of the loops, and the folder in which the folders they name lie."""
     if loops is None or isinstance(loops, Mapping):
         return loops or {}, Path()
     return read_list(loops), Path(loops).parent
@@ -158,7 +158,7 @@ def rank_rows(rows: Sequence[Row]) -> list[Row]:
 
 
 def _since(row: Row, earlier: Mapping[str, Row]) -> dict[str, Any]:
-    """Return what a loop was, and whether it is better, worse or the same: a fifth, or another cause, counts."""
+    """Return a loop's last outcome, and whether it is better, worse or the same: a fifth, or another cause, counts."""
     before = earlier.get(row["name"])
     if before is None or before["excess"] is None:
         return {"was": None, "change": "new" if earlier else None}
@@ -201,9 +201,9 @@ def _examined(settings: HealthSettings, sent: HealthTask) -> Row:
         log = read_log(loop.file, settings.read, content=sent.content)
         row["log_taken"] = None if log.taken is None else log.taken.line
         with cache.cache_disabled():
-            told = diagnose(_powered(log, loop, words), loop, *_before(sent.model))
-            cure = cure_words(told, loop, _cure_request(settings.request, loop, words))
-        return row | _diagnosis_row(told) | ({} if cure is None else _cure(cure))
+            diagnosis = diagnose(_powered(log, loop, words), loop, *_before(sent.model))
+            cure = cure_words(diagnosis, loop, _cure_request(settings.request, loop, words))
+        return row | _diagnosis_row(diagnosis) | ({} if cure is None else _cure(cure))
     except HeatertuneError as problem:
         return row | {"outcome": "no log", "reason": str(problem)}
     except Exception as problem:  # one loop must not stop the others, whatever is wrong in the program
@@ -228,7 +228,7 @@ def _before(model: Mapping[str, Any] | None) -> tuple[FittedModel | None, float 
 
 
 def _cure_request(request: DesignRequest, loop: LoopEntry, words: Words | None) -> DesignRequest | None:
-    """Return what this loop's cure is designed for, None where nobody says for which controller."""
+    """Return the request that this loop's cure is designed for, None where no controller is named."""
     target = loop.target or (None if words is None else words.target) or request.target
     if not target:
         return None
@@ -242,7 +242,7 @@ def _diagnosis_row(diagnosis: Diagnosis) -> Row:
     fitted = diagnosis.fitted_model
     return {
         "outcome": diagnosis.cause.label, "reason": diagnosis.faults[0].message if diagnosis.faults else None,
-        "also": "; ".join(found.message for found in diagnosis.faults[1:]) or None, "excess": float(diagnosis.excess),
+        "also": "; ".join(fault.message for fault in diagnosis.faults[1:]) or None, "excess": float(diagnosis.excess),
         "confidence": diagnosis.confidence, "doubt": diagnosis.why_not or None, "what_to_do": diagnosis.cause.value,
         "times_worse": diagnosis.worse, "half_cycles": diagnosis.swings.count, "period_s": diagnosis.swings.period_s,
         "swing_degC": diagnosis.swings.size_degC, "full_power_pct": 100.0 * at_limit(diagnosis.course, high=True),

@@ -114,7 +114,7 @@ class Study:
         return self._combinations + len(self.listed)
 
     def case(self, number: int) -> CaseSettings:
-        """Return what a case sets; the first is number 0."""
+        """Return the settings of a case; the first is number 0."""
         if number >= self._combinations:
             return {**self.fixed, **self.listed[number - self._combinations]}
         chosen: dict[str, Any] = {}
@@ -216,8 +216,8 @@ def _check(where: str, case: CaseSettings) -> None:
     """Refuse a case without a heater or a target, or with a key that needs another one."""
     sources = [key for key in _SOURCES if key in case]
     if len(sources) != 1:
-        named = " and ".join(sources) or "no heater"
-        raise DocumentError(f"{where}: {named}; expected one of {', '.join(_SOURCES)}")
+        source_names = " and ".join(sources) or "no heater"
+        raise DocumentError(f"{where}: {source_names}; expected one of {', '.join(_SOURCES)}")
     if "target" not in case:
         raise DocumentError(f"{where}: no target; expected one of {', '.join(NAMES)}")
     for key, needed in _NEEDS.items():
@@ -304,7 +304,7 @@ def study(
 
 
 def _files(path: Path, cases: Study) -> dict[str, Any]:
-    """Return what the logs (bytes) and models (documents) of all cases hold, name → content."""
+    """Return the contents of the logs (bytes) and models (documents) of all cases, name → content."""
     content: dict[str, Any] = {}
     for name in cases.settings_of("model"):
         content[name] = read_document(path.parent / name, MODEL_SCHEMA)
@@ -352,11 +352,11 @@ def _row(folder: Path, case: Case) -> Row:
         conditions = replace(conditions, spec=_spec_path(folder, conditions.spec))
     if conditions.profile is not None:
         conditions = replace(conditions, profile=str(folder / conditions.profile))
-    asked = DesignRequest(
+    request = DesignRequest(
         target=settings["target"], scaling=scaling_of(settings), tune_settings=_of(TuneSettings, settings),
         conditions=conditions, words_by=settings.get("words", "auto"), as_is=settings.get("as_is", False),
         sample_settings=SampleSettings(samples=settings.get("samples") or None))
-    return _labelled(case, zone_row(case.name, partial(_heater, case), asked))
+    return _labelled(case, zone_row(case.name, partial(_heater, case), request))
 
 
 def _spec_path(folder: Path, spec: str) -> str:

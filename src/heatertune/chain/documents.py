@@ -54,8 +54,8 @@ _VIEWS: Final[Mapping[str, type]] = {
 
 def log_document(log: Log) -> dict[str, Any]:
     """Return the JSON document of a log as it was understood."""
-    taken = None if log.taken is None else decode(TakenView, plain(log.taken.document()), log.name)
-    document: dict[str, Any] = encode(construct_from(LogView, log, taken=taken, signals=own_clocks(log) or None))
+    summary = None if log.taken is None else decode(TakenView, plain(log.taken.document()), log.name)
+    document: dict[str, Any] = encode(construct_from(LogView, log, taken=summary, signals=own_clocks(log) or None))
     return document
 
 
@@ -129,23 +129,23 @@ class LogValues:
     @classmethod
     def from_log(cls, log: Log) -> LogValues:
         """Return the fields of a log."""
-        given: dict[str, Any] = {name: None if (column := getattr(log, name)) is None else tuple(column.tolist())
-                                 for name in _COLUMNS}
+        columns: dict[str, Any] = {name: None if (column := getattr(log, name)) is None else tuple(column.tolist())
+                                   for name in _COLUMNS}
         summary = None if log.taken is None else construct_from(
             SummaryValues, log.taken, stated=tuple(sorted(log.taken.stated)))
         power = log.signals.get("power")
-        return construct_from(cls, log, **given, taken=summary, power_late_s=0.0 if power is None else power.late_s,
+        return construct_from(cls, log, **columns, taken=summary, power_late_s=0.0 if power is None else power.late_s,
                               signals=own_clocks(log) or None)
 
     @property
     def log(self) -> Log:
         """The log of these fields."""
-        given: dict[str, Any] = {name: None if (column := getattr(self, name)) is None else np.asarray(column)
-                                 for name in _COLUMNS}
+        columns: dict[str, Any] = {name: None if (column := getattr(self, name)) is None else np.asarray(column)
+                                   for name in _COLUMNS}
         summary = None if self.taken is None else construct_from(
             ReadSummary, self.taken, stated=frozenset(self.taken.stated))
         return with_own_clocks(
-            construct_from(Log, self, **given, taken=summary, signals=None), self.signals or {}, self.power_late_s)
+            construct_from(Log, self, **columns, taken=summary, signals=None), self.signals or {}, self.power_late_s)
 
 
 #: those of `Log` with a value for each reading

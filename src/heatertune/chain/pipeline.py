@@ -109,8 +109,8 @@ def as_left_in(
         InputError, OutOfRange: as `heatertune.proof.as_left.as_left`.
         DocumentError: a document is incomplete.
     """
-    held, folder = documents["words"], data_folder(directory)
-    words = words_of(held, held["target"], folder / "words.json")
+    words_document, folder = documents["words"], data_folder(directory)
+    words = words_of(words_document, words_document["target"], folder / "words.json")
     proof = decode(ProofView, dict(documents["proof"]), folder / "proof.json")
     return as_left(log, words, from_document(documents["model"]), proof, settings, progress=progress)
 
@@ -121,7 +121,7 @@ def related_documents(directory: str | Path, proof: Document) -> dict[str, dict[
     Raises:
         DocumentError: one of them is incomplete.
     """
-    folder, found = data_folder(directory), {}
+    folder, documents = data_folder(directory), {}
     for name, schema, kind in (("as_left", AS_LEFT_SCHEMA, AsLeft), ("written", WRITTEN_SCHEMA, WriteHistory),
                                ("record", RECORD_SCHEMA, RecordSettings),
                                ("second_opinion", SECOND_OPINION_SCHEMA, SecondOpinion)):
@@ -130,8 +130,8 @@ def related_documents(directory: str | Path, proof: Document) -> dict[str, dict[
             document = read_document(path, schema)
             decode(kind, document, path)
             if name == "record" or document["digest"] == proof["digest"]:
-                found[name] = document
-    return found
+                documents[name] = document
+    return documents
 
 
 def files_of(directory: str | Path, documents: Mapping[str, Document]) -> dict[str, str]:
@@ -171,7 +171,7 @@ def feed_forward(
         ExportRefused: the parameters themselves are not proven, and `force` is not set.
         NotRepresentable, OutOfRange: the input cannot hold the line.
     """
-    asked, folder = merge_options(FeedForwardSettings, settings, {}), data_folder(directory)
+    options, folder = merge_options(FeedForwardSettings, settings, {}), data_folder(directory)
     demand_one_design(folder, "design again")
     effect = _effect(folder)
     document = check_document(read_document(folder / "proof.json", PROOF_SCHEMA), folder / "proof.json")
@@ -182,9 +182,9 @@ def feed_forward(
     if feed is None:
         raise InputError(f"{words.target} has no input for a measured disturbance (see: heatertune targets)")
     proven = certificate(document, force=force)
-    low, high = asked.disturbance_range or (effect.calm, effect.strong)
+    low, high = options.disturbance_range or (effect.calm, effect.strong)
     line = line_for(feed, column=effect.column, pct_per_unit=effect.pct_per_unit, calm=effect.calm, low=low, high=high,
-                    switched=asked.contact)
+                    switched=options.contact)
     loop = PlainLoop(setpoint_degC=plain.scenario.setpoint_degC, actuator=plain.actuator, limits=plain.limits,
                      noise_degC=plain.scenario.noise_degC, stated_settings=plain.stated_settings)
     models = holding_heaters(read_model(folder / "model.json"), loop.setpoint_degC)
@@ -301,14 +301,14 @@ def design(
         fitted = fit(log, fitted_with, companions=True, progress=progress)
         fitted = for_setpoints(fitted, every_setpoint(fitted, request.conditions))
         second.draw(_input_documents(log, fitted), "log")
-        found = closed_on_samples(fitted, request, progress=progress, stage=lambda name: progress(_stage_text(name)))
+        closure = closed_on_samples(fitted, request, progress=progress, stage=lambda name: progress(_stage_text(name)))
         progress(_stage_text("report"))
-        second.draw(_asked_of_libraries(fitted, found, request), OPINION)
-        files, documents = _shown(log, fitted, found, force, second)
-        proof = as_exported(found.proof)  # while the pictures are drawn
+        second.draw(_asked_of_libraries(fitted, closure, request), OPINION)
+        files, documents = _shown(log, fitted, closure, force, second)
+        proof = as_exported(closure.proof)  # while the pictures are drawn
         opinion = decode(SecondOpinion, json.loads(second.answer(OPINION)), OPINION)
-        result = replace(found, proof=proof.with_findings(disagreement(opinion)))
-        if result.proof.diagnostics != found.proof.diagnostics:
+        result = replace(closure, proof=proof.with_findings(disagreement(opinion)))
+        if result.proof.diagnostics != closure.proof.diagnostics:
             files, documents = _shown(log, fitted, result, force, second)
         documents["second_opinion"] = encode(replace(opinion, digest=documents["proof"]["digest"]))
         documents = _with_comparison(documents, log, fitted, result.ideal, result.proof, second)
@@ -364,8 +364,8 @@ def _requested(request: DesignRequest | None, keywords: Keywords) -> DesignReque
 def _of_its_heater(request: DesignRequest, log: Log) -> DesignRequest:
     """Return the request with the heater of a printer that the log is of, stated (`--tag`) or the one that was read."""
     names = () if log.taken is None else names_of(log.taken.reading)
-    known = with_heater(request.conditions.switches, request.target, names)
-    return replace(request, conditions=replace(request.conditions, switches=known))
+    switches = with_heater(request.conditions.switches, request.target, names)
+    return replace(request, conditions=replace(request.conditions, switches=switches))
 
 
 def _shown(
@@ -485,8 +485,8 @@ def redraw(
         documents["as_left"] = plain(encode(as_left_in(directory, documents, trace, about, progress)))
     if written is not None:
         documents["written"] = encode(written)
-    given = files_of(directory, documents) if (trace, record, written) != (None, None, None) else {}
-    write_files(directory, {"report.html": _page(documents), **given})
+    record_files = files_of(directory, documents) if (trace, record, written) != (None, None, None) else {}
+    write_files(directory, {"report.html": _page(documents), **record_files})
     return documents
 
 
@@ -498,8 +498,8 @@ def _write(
     moved = {f"{DATA}/{name}": content for name, content in written.items()}
     moved[f"{DATA}/{DIGEST_FILE}"] = to_json(folder_digest(documents))
     drawn = None if second is None else second.sections()
-    gone = [*written, *exported_names(data_folder(out) / "words.json")]
-    return write_files(out, {**files, "report.html": _page(documents, drawn), **moved}, gone=gone)
+    stale_files = [*written, *exported_names(data_folder(out) / "words.json")]
+    return write_files(out, {**files, "report.html": _page(documents, drawn), **moved}, gone=stale_files)
 
 
 def _page(documents: Mapping[str, Document], drawn: Mapping[str, str] | None = None) -> str:

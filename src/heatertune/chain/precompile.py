@@ -65,28 +65,28 @@ class Worker:
 
     def draw(self, documents: _Documents, name: str) -> None:
         """Request a section of the report, see `heatertune.report.sections`, or its redraw with other documents."""
-        asked = _Asked(next(self._requests), dict(documents), Event())
-        self._asked = {**self._asked, name: asked}
-        self._send(_write_on, (asked.request, asked.documents, name), [asked.drawn])
+        order = _Asked(next(self._requests), dict(documents), Event())
+        self._asked = {**self._asked, name: order}
+        self._send(_write_on, (order.request, order.documents, name), [order.drawn])
 
     def answer(self, name: str) -> str:
         """Return one of what was requested, as soon as it is there; after a longer wait it is made here."""
-        asked = self._asked[name]
-        asked.drawn.wait(_PATIENCE_FOR_PICTURES_S)
-        if (asked.request, name) not in self._drawn:
+        order = self._asked[name]
+        order.drawn.wait(_PATIENCE_FOR_PICTURES_S)
+        if (order.request, name) not in self._drawn:
             self._draw(name)
         self._asked = {other: each for other, each in self._asked.items() if other != name}
-        return self._drawn[asked.request, name]
+        return self._drawn[order.request, name]
 
     def sections(self) -> dict[str, str]:
         """Return the drawn sections; wait for outstanding ones, or draw the last of them here."""
         until = monotonic() + _PATIENCE_FOR_PICTURES_S
         while _has_drawn() and len(left := self._undrawn()) > 1:  # the first one is in work
             self._draw(left[-1])
-        for asked in self._asked.values():
-            asked.drawn.wait(max(0.0, until - monotonic()))
-        return {name: self._drawn[asked.request, name] for name, asked in self._asked.items()
-                if (asked.request, name) in self._drawn}
+        for order in self._asked.values():
+            order.drawn.wait(max(0.0, until - monotonic()))
+        return {name: self._drawn[order.request, name] for name, order in self._asked.items()
+                if (order.request, name) in self._drawn}
 
     def waits(self, target: str) -> None:
         """Wait until a loop is compiled or compilation has ended; meanwhile draw sections not yet started."""
@@ -95,14 +95,14 @@ class Worker:
         self._made[target].wait(_PATIENCE_S)
 
     def _undrawn(self) -> list[str]:
-        return [name for name, asked in self._asked.items() if not asked.drawn.is_set()]
+        return [name for name, order in self._asked.items() if not order.drawn.is_set()]
 
     def _draw(self, name: str) -> None:
         """Draw a section here."""
-        asked = self._asked[name]
-        self._send(_write_on, asked.request, [])
-        self._drawn[asked.request, name] = text_for(asked.documents, name)
-        asked.drawn.set()
+        order = self._asked[name]
+        self._send(_write_on, order.request, [])
+        self._drawn[order.request, name] = text_for(order.documents, name)
+        order.drawn.set()
 
     def listen(self, lines: IO[bytes]) -> None:
         """Receive results until the second process ends."""
@@ -116,7 +116,7 @@ class Worker:
                         if name in self._asked and self._asked[name].request == request:
                             self._asked[name].drawn.set()
         self._process = None
-        for event in (*self._made.values(), *(asked.drawn for asked in self._asked.values())):
+        for event in (*self._made.values(), *(order.drawn for order in self._asked.values())):
             event.set()
 
     def _send(self, write: Callable[[IO[bytes], object], None], message: object, events: Iterable[Event]) -> None:
@@ -139,8 +139,8 @@ def work_alongside(target: str) -> Iterator[Worker]:
     Raises:
         InputError: no such controller.
     """
-    wanted = processors() > 1 and (not _has_drawn() or _missing(target))
-    process = _begun() if wanted else None
+    is_worthwhile = processors() > 1 and (not _has_drawn() or _missing(target))
+    process = _begun() if is_worthwhile else None
     second = Worker(process)
     if process is None:
         yield second

@@ -111,7 +111,7 @@ def second_opinion(
     words_design: PidDesign | None, heaters: Sequence[tuple[str, HeaterModel]], ideal: PidDesign,
     problem: Problem | None, *, is_optimum: bool,
 ) -> SecondOpinion:
-    """Return what the libraries say of a design and of its rounding.
+    """Return the libraries' results for a design and for its rounding.
 
     Args:
         words_design: design that the words realise; None: they are no PID.
@@ -183,14 +183,14 @@ def _of_optimum(ideal: PidDesign, problem: Problem, *, is_optimum: bool) -> tupl
     cost, best_cost = (program.cost_at(np.log(list(_unknowns(design)))) for design in (ideal, best))
     if not keeps(problem, best):
         return [], ["Not compared with CasADi: IPOPT ended at gains outside of the limits."]
-    found = (f"IPOPT's optimum within the same limits, from {_BEGIN:g} times the gain: K {best.gain_pct_per_degC:.4g} "
-             f"%/°C, TN {best.integral_time_s:.4g} s, TV {best.derivative_time_s:.4g} s.")
+    text = (f"IPOPT's optimum within the same limits, from {_BEGIN:g} times the gain: K {best.gain_pct_per_degC:.4g} "
+            f"%/°C, TN {best.integral_time_s:.4g} s, TV {best.derivative_time_s:.4g} s.")
     if not is_optimum:
-        return [], [f"{found} Its cost ({problem.objective}) is {best_cost / cost:.3g} times that of the design, which "
+        return [], [f"{text} Its cost ({problem.objective}) is {best_cost / cost:.3g} times that of the design, which "
                     "is no optimum: a rule made it, or the search changed it so that its proof passes."]
     row = OpinionRow(quantity=f"cost of the optimum ({problem.objective})", library="CasADi (IPOPT)", value=cost,
                      library_value=best_cost, tolerance=_OF_COST * cost, agrees=best_cost >= (1.0 - _OF_COST) * cost)
-    return [row], [found]
+    return [row], [text]
 
 
 def _unknowns(design: PidDesign) -> Iterator[float]:
@@ -281,10 +281,10 @@ def problem(
         UnknownName, OutOfRange: as `tune`.
     """
     model = fitted_model_of(fitted)
-    asked = merge_options(TuneSettings, settings, changed)
+    options = merge_options(TuneSettings, settings, changed)
     if cools(model):
         raise InputError("a cooler is tuned as its mirror image: state its gain as positive")
-    if asked.method != "optimum":
-        raise InputError(f"{asked.method} is a rule, which has no program: leave method out")
-    design = tune_model(model, asked)
-    return nonlinear_program(stated_problem(model, asked, design.sample_time_s), design)
+    if options.method != "optimum":
+        raise InputError(f"{options.method} is a rule, which has no program: leave method out")
+    design = tune_model(model, options)
+    return nonlinear_program(stated_problem(model, options, design.sample_time_s), design)

@@ -75,8 +75,8 @@ def fit(
         return cast("FittedModel", data.fit_zones(**changed))  # for the checker: fit_network tells the type
     fitting, reading = split_options(
         changed, FitSettings, ReadSettings, also=("settings", "read", "thorough", "companions", "progress"))
-    asked, log = merge_options(FitSettings, settings, fitting), _log(data, read, reading)
-    fitted = _fit_one(log, asked, progress, thorough=thorough)
+    options, log = merge_options(FitSettings, settings, fitting), _log(data, read, reading)
+    fitted = _fit_one(log, options, progress, thorough=thorough)
     if not companions:
         return fitted
     others = [_fit_one(read_log(name, errata=True), FitSettings(), progress) for name in log.same_heater]
@@ -97,11 +97,11 @@ def fit_together(
 
     if isinstance(logs, Log | str) or not logs:
         raise InputError("no logs: expected a list of one log or more")
-    given = merge_options(FitSettings, settings, changed)
+    options = merge_options(FitSettings, settings, changed)
     laws = () if any(log.power_pct is not None for log in logs) else _laws()
     return _cached_fit(
-        "fit-together", {"logs": [_columns(log) for log in logs], **asdict(given)},
-        lambda: fit_logs(logs, given, laws=laws, progress=progress), progress,
+        "fit-together", {"logs": [_columns(log) for log in logs], **asdict(options)},
+        lambda: fit_logs(logs, options, laws=laws, progress=progress), progress,
     )
 
 
@@ -131,15 +131,15 @@ def fit_known(
     from heatertune.model.fit import fit_known as fit_log_known
 
     tried = controllers(words, stated)
-    given = merge_options(FitSettings, settings, changed)
-    inputs = _columns(log) | asdict(given) | {
+    options = merge_options(FitSettings, settings, changed)
+    inputs = _columns(log) | asdict(options) | {
         "setpoint_degC": setpoint_degC, "target": words.target, "words": dict(words.values),
         "sample_time_s": words.sample_time_s, "range": repr(words.scaling),
         "switches": [dict(controller.switches) for controller in tried],
     }
 
     def run() -> FittedModel:
-        fitted = fit_log_known(log, tried, given, setpoint_degC=setpoint_degC, progress=progress)
+        fitted = fit_log_known(log, tried, options, setpoint_degC=setpoint_degC, progress=progress)
         return replace(fitted, notes=(*fitted.notes, closed_again(log, fitted, tried, setpoint_degC)))
 
     return _cached_fit("fit-known", inputs, run, progress)
@@ -171,11 +171,11 @@ def _fit_one(log: Log, settings: FitSettings, progress: ProgressCallback, *, tho
 def _columns(log: Log) -> dict[str, Any]:
     signals = {f"{role}_{part}": getattr(signal, part) for role, signal in log.signals.items()
                for part in ("time_s", "values", "late_s")}
-    taken = None if log.taken is None else (
+    summary = None if log.taken is None else (
         log.taken.line, log.taken.repaired_share, sorted(log.taken.stated), dict(log.taken.assumed),
         log.taken.moving_heaters)
     return {"name": log.name, "rests_at_degC": log.rests_at_degC, "output_limit_pct": log.output_limit_pct,
-            "taken": taken} | signals
+            "taken": summary} | signals
 
 
 def _cached_fit(stage: str, inputs: Mapping[str, Any], run: Callable[[], FittedModel],

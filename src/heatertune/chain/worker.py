@@ -63,11 +63,11 @@ def _receive(first: IO[bytes], requests: SimpleQueue[Any], drawn: set[int]) -> N
     """Receive requests and cancellations; end this process as soon as the first one has ended."""
     with suppress(EOFError, OSError, pickle.UnpicklingError):
         while True:
-            told = pickle.load(first)  # from the process that began this one
-            if isinstance(told, int):
-                drawn.add(told)
+            message = pickle.load(first)  # from the process that began this one
+            if isinstance(message, int):
+                drawn.add(message)
             else:
-                requests.put(told)
+                requests.put(message)
     os._exit(1)
 
 

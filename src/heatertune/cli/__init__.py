@@ -68,9 +68,9 @@ def __getattr__(name: str) -> Any:
 def _welcome() -> str:
     """Return what `heatertune` alone shows: the commands that most people need, each by its example."""
     examples = {name: command(name).example.removeprefix("example: ") for name in _FIRST}
-    told = [f"  {examples[name]}\n      {what}" for name, what in _FIRST.items()]
+    lines = [f"  {examples[name]}\n      {what}" for name, what in _FIRST.items()]
     return "\n".join([
-        _PURPOSE, "", *told, "", "heatertune --help lists all commands, heatertune COMMAND --help its options."])
+        _PURPOSE, "", *lines, "", "heatertune --help lists all commands, heatertune COMMAND --help its options."])
 
 
 def parser(only: str | None = None) -> argparse.ArgumentParser:
@@ -85,8 +85,8 @@ def parser(only: str | None = None) -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     top.add_argument("-V", "--version", action="version", version=f"heatertune {__version__}")
-    made: Any = CommandStub if only in _BEFORE else CommandParser
-    commands = top.add_subparsers(title="commands", metavar="COMMAND", required=True, parser_class=made)
+    parser_class: Any = CommandStub if only in _BEFORE else CommandParser
+    commands = top.add_subparsers(title="commands", metavar="COMMAND", required=True, parser_class=parser_class)
     for name in [only] if only in COMMAND_MODULES else COMMAND_MODULES:
         command(name).add_to(commands)
     return top

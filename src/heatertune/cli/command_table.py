@@ -218,8 +218,8 @@ def demand_files(parser: argparse.ArgumentParser, settings: argparse.Namespace) 
     for action in _actions(parser, ""):
         if action.option_strings or action.metavar not in _FILES or not isinstance(names.get(action.dest), str | list):
             continue
-        given = names[action.dest]
-        for name in [given] if isinstance(given, str) else given:
+        paths = names[action.dest]
+        for name in [paths] if isinstance(paths, str) else paths:
             is_there = name.lower() in BUILT_IN or os.path.lexists(existing_path(name))
             near = "" if is_there else _near(name, log=action.metavar == "LOG")
             if near:

@@ -50,33 +50,33 @@ def _run_verify(settings: argparse.Namespace) -> int:
     progress = printing.Progress(settings)
     settings.pid = parameters_file(settings.pid)
     settings.target = settings.target or target_in(settings.pid)
-    asked, drawn = proof_source(settings), options.of(SampleSettings, settings)
-    fitted, conditions = asked.fitted_model, asked.conditions
+    source, drawn = proof_source(settings), options.of(SampleSettings, settings)
+    fitted, conditions = source.fitted_model, source.conditions
     if drawn.replay is not None:
         from heatertune.proof.monte_carlo.run import replay_document
 
-        if asked.ramp is not None:
+        if source.ramp is not None:
             raise InputError("--replay runs the words with the ramp they have; --setpoint-ramp would be another proof")
         if drawn.samples is not None:
             raise InputError("--replay runs one sample, --samples many: give one of them")
-        document = replay_document(asked.words, fitted, drawn.replay, conditions, spread=drawn.spread)
+        document = replay_document(source.words, fitted, drawn.replay, conditions, spread=drawn.spread)
         printing.output(settings, document, lambda: f"{report.criteria_table(document)}\nVERDICT {document['verdict']}")
         return 0 if document["verdict"] == "PASS" else 1
     progress("proving the parameters")
-    proof, notes = prove_ramped(asked.words, fitted, asked.ramp, conditions, progress=progress)
+    proof, notes = prove_ramped(source.words, fitted, source.ramp, conditions, progress=progress)
     if drawn.samples is not None:
         from heatertune.proof.monte_carlo.run import with_samples
 
         progress(f"proving them on {drawn.samples} samples")
         proof = with_samples(proof, fitted, drawn, conditions)
     document = proof.to_document()
-    redesign = redesign_command(settings, asked, proof.scenario.setpoint_degC)
-    remarks, line = [*asked.notes, *report.ramp_note(document), *notes], verdict_line(document)
+    redesign = redesign_command(settings, source, proof.scenario.setpoint_degC)
+    remarks, line = [*source.notes, *report.ramp_note(document), *notes], verdict_line(document)
     printing.output(
         settings, document,
         lambda: "\n".join([line, report.criteria_table(document), *(f"- {remark}" for remark in remarks),
                            *report.samples_table(document), f"VERDICT {line}"]),
-        brief=lambda: report.verify_brief(document, remarks, asked.way_on, redesign),
+        brief=lambda: report.verify_brief(document, remarks, source.way_on, redesign),
         short=lambda: verdict_first(document))
     return 0 if document["verdict"] == "PASS" else 1
 
@@ -204,15 +204,15 @@ def _run_export_db(settings: argparse.Namespace) -> int:
     proven = again or _proven(settings)
     document = proven["words"]
     documents = {"words.json": to_json(document), "proof.json": to_json(proven["proof"])}
-    gone = ["words.json", "proof.json", *exported_names(data_folder(settings.out) / "words.json")]
+    stale_files = ["words.json", "proof.json", *exported_names(data_folder(settings.out) / "words.json")]
     if proven["pid"] is not None:
         documents["pid.json"] = to_json(proven["pid"])
     else:  # that of other words must not lie next to these
-        gone.append(f"{DATA}/pid.json")
+        stale_files.append(f"{DATA}/pid.json")
     together = {name: proven[name] for name in ("pid", "words", "proof") if proven[name] is not None}
     documents[DIGEST_FILE] = to_json(folder_digest(together, Path(settings.out) / DATA))
     moved = {f"{DATA}/{name}": content for name, content in documents.items()}
-    written = write_files(settings.out, {**proven["files"], **moved}, gone=gone)
+    written = write_files(settings.out, {**proven["files"], **moved}, gone=stale_files)
     names = "\n".join(str(path) for path in written)
     line = verdict_line(proven["proof"])
     printing.output(settings, document, lambda: f"{line}\n{report.words_table(document)}\nVERDICT {line}\n{names}",
@@ -251,19 +251,19 @@ def _proven(settings: argparse.Namespace) -> dict[str, Any]:
     from heatertune.proof.specification import specification_of
 
     progress = printing.Progress(settings)
-    asked = proof_source(settings)
+    source = proof_source(settings)
     inputs = {
-        "words": repr(asked.words), "choice": repr(asked.choice),
-        "model": model_document.to_document(asked.fitted_model),
-        "ramp": asked.ramp, "conditions": asdict(asked.conditions), "notes": asked.notes, "force": settings.force,
-        "specification": repr(specification_of(asked.conditions)),  # of files that may change
+        "words": repr(source.words), "choice": repr(source.choice),
+        "model": model_document.to_document(source.fitted_model),
+        "ramp": source.ramp, "conditions": asdict(source.conditions), "notes": source.notes, "force": settings.force,
+        "specification": repr(specification_of(source.conditions)),  # of files that may change
         "libraries": [release(name) for name in ("numpy", "scipy", "numba")]}
-    kept = load_or_compute("export", inputs, lambda: _prove(asked, progress, force=settings.force),
-                  lambda document: _demand_export(document, asked, force=settings.force), progress=progress)
-    for note in kept["notes"]:
+    result = load_or_compute("export", inputs, lambda: _prove(source, progress, force=settings.force),
+                  lambda document: _demand_export(document, source, force=settings.force), progress=progress)
+    for note in result["notes"]:
         progress.note(note)
-    files = {name: text if isinstance(text, str) else bytes(text) for name, text in kept["files"].items()}
-    return kept | {"files": files}
+    files = {name: text if isinstance(text, str) else bytes(text) for name, text in result["files"].items()}
+    return result | {"files": files}
 
 
 def _prove(source: ProofSource, progress: Any, *, force: bool) -> dict[str, Any]:
@@ -272,8 +272,8 @@ def _prove(source: ProofSource, progress: Any, *, force: bool) -> dict[str, Any]
     from heatertune.proof.repetition import design_document
     from heatertune.proof.setpoint_ramp import prove_ramped
 
-    proof, told = prove_ramped(source.words, source.fitted_model, source.ramp, source.conditions, progress=progress)
-    notes = [*source.notes, *told]
+    proof, remarks = prove_ramped(source.words, source.fitted_model, source.ramp, source.conditions, progress=progress)
+    notes = [*source.notes, *remarks]
     search = None if source.choice is None else search_document(source.choice, source.fitted_model, notes)
     try:
         files = chain.export(proof.words, proof, force=force)

@@ -197,8 +197,8 @@ def _run_plan(settings: argparse.Namespace) -> int:
     if settings.out is not None:
         target = Path(settings.out)
         write_files(target.parent, {target.name: report.plan_csv(document)})
-    known = [] if fitted is None else _known_already(fitted, settings.aim / 100.0)
-    printing.output(settings, document, lambda: "\n".join([*known, report.plan_lines(document)]))
+    opening = [] if fitted is None else _known_already(fitted, settings.aim / 100.0)
+    printing.output(settings, document, lambda: "\n".join([*opening, report.plan_lines(document)]))
     return 0
 
 
@@ -248,10 +248,10 @@ def _known_ambient(settings: argparse.Namespace) -> float | None:
     Raises:
         InputError: more than two numbers; a range beside a model file.
     """
-    given = settings.ambient or []
-    if len(given) > 2 or (len(given) == 2 and settings.model is not None):
-        raise InputError(f"--ambient has {len(given)} numbers; expected one, or LOW HIGH without a model file")
-    return float(given[0]) if len(given) == 1 else None
+    ambient = settings.ambient or []
+    if len(ambient) > 2 or (len(ambient) == 2 and settings.model is not None):
+        raise InputError(f"--ambient has {len(ambient)} numbers; expected one, or LOW HIGH without a model file")
+    return float(ambient[0]) if len(ambient) == 1 else None
 
 
 FIT_EXAMPLE = "example: heatertune fit table4 -o model.json"
@@ -294,12 +294,12 @@ def _run_fit(settings: argparse.Namespace) -> int:
 
 def _fitted(settings: argparse.Namespace, logs: Sequence[Log], progress: printing.Progress) -> FittedModel:
 
-    given = options.of(FitSettings, settings)
+    fit_settings = options.of(FitSettings, settings)
     words = controller_words(settings, logs)
     if words is not None:
         its = common.conditions(settings)
         return chain.fit_known(
-            logs[0], words, given, setpoint_degC=its.highest_degC, stated=its.switches, progress=progress)
+            logs[0], words, fit_settings, setpoint_degC=its.highest_degC, stated=its.switches, progress=progress)
     if len(logs) == 1:
-        return chain.fit(logs[0], given, thorough=settings.hypotheses, progress=progress)
-    return chain.fit_together(logs, given, progress=progress)
+        return chain.fit(logs[0], fit_settings, thorough=settings.hypotheses, progress=progress)
+    return chain.fit_together(logs, fit_settings, progress=progress)

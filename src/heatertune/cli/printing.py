@@ -143,13 +143,13 @@ class Progress:
 
     def __call__(self, message: str) -> None:
         """Tell what begins now."""
-        if (found := _COUNT.search(message)) is not None:
-            number, total = int(found[1]), int(found[2])
+        if (match := _COUNT.search(message)) is not None:
+            number, total = int(match[1]), int(match[2])
             now = time.monotonic()
             self._counted_from = now if number <= 1 else self._counted_from
             left = time_left(number, total, now - self._counted_from, self._typical_s)
             self._count, self._ends = f"{number} of {total}: ", None if left is None else now + left
-            message = message[:found.start()].rstrip()
+            message = message[:match.start()].rstrip()
         self._message = message
         if self._loud:
             LINE.show(self._line)
@@ -212,9 +212,9 @@ def tell_taken(settings: argparse.Namespace, logs: Iterable[Log], progress: Prog
         if getattr(settings, "verbose", True):
             for note in (*log.repairs, *log.warnings):
                 progress.note(f"- {note}")
-        elif told := [f"{count(len(notes), noun)}" for notes, noun in (
+        elif counts := [f"{count(len(notes), noun)}" for notes, noun in (
                 (log.repairs, "repair"), (log.warnings, "doubt")) if notes]:
-            progress.note(f"[log] {log.name}: {' and '.join(told)} (heatertune read tells which)")
+            progress.note(f"[log] {log.name}: {' and '.join(counts)} (heatertune read tells which)")
 
 
 def _unit_lines(settings: argparse.Namespace, taken: ReadSummary) -> list[str]:

@@ -189,13 +189,13 @@ def _speed_text(speed: Throughput) -> str:
     def row(what: str, times: Times, form: str, meaning: str) -> tuple[str, ...]:
         return (what, *(format(each, form) for each in (times.least, times.median, times.most)), meaning)
 
-    loop, rate, beside = speed.loop, speed.samples_per_s, speed.yardsticks
+    loop, rate, python = speed.loop, speed.samples_per_s, speed.yardsticks
     rows = [
         ("", "min", "median", "max", ""),
         row("closed loop, compiled", loop.compiled_ns_per_scan, ",.1f", "ns per scan, drawn and measured"),
         row("closed loop, plain Python", loop.plain_ns_per_scan, ",.0f", "ns per scan"),
-        row("for comparison: a PI in plain Python", beside.python_ns_per_scan, ",.0f", "ns per scan, no words, no PWM"),
-        row("for comparison: SciPy's lfilter", beside.lfilter_ns_per_value, ",.1f", "ns per value, first order"),
+        row("for comparison: a PI in plain Python", python.python_ns_per_scan, ",.0f", "ns per scan, no words, no PWM"),
+        row("for comparison: SciPy's lfilter", python.lfilter_ns_per_value, ",.1f", "ns per value, first order"),
         row("samples on 1 processor", rate.single_processor, ",.0f", "per second, 3,000 s each"),
         row(f"samples on {speed.processors} processors", rate.all, ",.0f", "per second"),
     ]
@@ -260,11 +260,11 @@ def _man_page(whole: argparse.ArgumentParser) -> str:
         lines = its.format_help().rstrip().replace("\\", "\\e").replace("-", "\\-").splitlines()
         return [".nf", *(f"\\&{line}" if line.startswith((".", "'")) else line for line in lines), ".fi"]
 
-    named = next(action for action in whole._actions if isinstance(action, argparse._SubParsersAction))
+    subparsers = next(action for action in whole._actions if isinstance(action, argparse._SubParsersAction))
     parts = [f'.TH HEATERTUNE 1 "" "heatertune {__version__}"', ".SH NAME",
              "heatertune \\- from a heater's temperature log to proven PID parameters for your PLC",
              ".SH SYNOPSIS", "heatertune COMMAND [OPTION ...]", ".SH COMMANDS", *shown(whole)]
-    for name, its in named.choices.items():
+    for name, its in subparsers.choices.items():
         parts += [f".SH {name.upper()}", *shown(its)]
     return "\n".join([*parts, ""])
 

@@ -56,10 +56,10 @@ def _run_diff(settings: argparse.Namespace) -> int:
     if settings.called_every is not None:
         check("--called-every", settings.called_every, above=0.0)
     sensor = options.provided_options(SensorSettings, settings)
-    given = DeclaredWords(target=settings.target, sample_time_s=settings.called_every,
-                          sensor_degC=sensor.get("range_degC"),
+    declaration = DeclaredWords(target=settings.target, sample_time_s=settings.called_every,
+                                sensor_degC=sensor.get("range_degC"),
                   input=sensor.get("input"), switches=options.of(Conditions, settings).switches)
-    document = difference(*read_sides(settings.before, settings.after, given))
+    document = difference(*read_sides(settings.before, settings.after, declaration))
     printing.output(settings, document, lambda: report.difference_lines(document))
     return 0 if document["same"] else 1
 
@@ -131,14 +131,14 @@ def _run_advise(settings: argparse.Namespace) -> int:
     from heatertune.pid.design_document import read_design
     from heatertune.proof.advice import advise
 
-    design, model, kept = read_design(settings.pid)
+    design, model, origin = read_design(settings.pid)
     if model is None:
         raise InputError(f"{settings.pid} holds no model to prove on; expected pid.json as written by tune")
     progress = printing.Progress(settings)
     plc.controller_for(common.target(settings))  # an unknown target is refused before the log is read
     log = None if settings.log == "proof" else read_log(settings.log, common.reading(settings))
     printing.tell_taken(settings, [] if log is None else [log], progress)
-    recipe, notes = in_force(settings, kept, settings.pid)
+    recipe, notes = in_force(settings, origin, settings.pid)
     for note in notes:
         progress.note(note)
     document = advise(design, model, recipe, log, until_s=settings.until, progress=progress)
@@ -189,8 +189,8 @@ def _run_decode(settings: argparse.Namespace) -> int:
         printing.Progress(settings)("proving the parameters")
         proven = chain.prove(words, fitted, common.conditions(settings))
         if assumed:
-            heard = proven.diagnostics
-            proven = replace(proven, diagnostics=replace(heard, remarks=(*heard.remarks, condition)))
+            diagnostics = proven.diagnostics
+            proven = replace(proven, diagnostics=replace(diagnostics, remarks=(*diagnostics.remarks, condition)))
         document["proof"] = proven.to_document()
     proof = document["proof"]
 

@@ -122,10 +122,10 @@ def proof_source(settings: argparse.Namespace) -> ProofSource:
             sources = (*sources, f"{problem}.")
         return ProofSource(words=words, choice=None, fitted_model=model, conditions=common.conditions(settings),
                            ramp=ramp, notes=sources)
-    design, fitted, kept = common.design_and_model(settings)
-    recipe, notes = in_force(settings, kept, settings.pid)
+    design, fitted, origin = common.design_and_model(settings)
+    recipe, notes = in_force(settings, origin, settings.pid)
     choice = repeat_words(design, fitted, recipe)
-    same = recipe == kept and ramp is None and not common.by_hand(settings)
+    same = recipe == origin and ramp is None and not common.by_hand(settings)
     return ProofSource(words=choice.words, choice=choice, fitted_model=fitted, conditions=recipe.conditions, ramp=ramp,
                    notes=tuple(notes), way_on=recipe.way_on if same else None, design=design, recipe=recipe,
                    structure=design.structure)
@@ -181,21 +181,21 @@ def redesign_command(settings: argparse.Namespace, source: ProofSource, setpoint
     hand = [part for name in _BY_HAND if (value := getattr(settings, name)) is not None
             for part in (f"--{name.replace('_', '-')}", f"{value:g}")]
     words = ["tune", *(hand or [str(path)]), "--target", REPAIRED.get(target, target)]
-    scaling, known = source.words.scaling, source.conditions
+    scaling, conditions = source.words.scaling, source.conditions
     words += [] if scaling.input is None else ["--input", scaling.input]
     words += ["--range", *(f"{end:.12g}" for end in scaling.sensor_degC)]
-    if known.setpoint_degC is None and known.profile is None:
-        known = replace(known, setpoint_degC=setpoint_degC)
+    if conditions.setpoint_degC is None and conditions.profile is None:
+        conditions = replace(conditions, setpoint_degC=setpoint_degC)
     if target in REPAIRED:
-        known = replace(known, switches={})
+        conditions = replace(conditions, switches={})
     for name, one in options_of(Conditions).items():
-        if (value := getattr(known, name)) != one.default:
+        if (value := getattr(conditions, name)) != one.default:
             words += _typed(one, value)
     if source.choice is not None and source.structure not in (None, "pi"):
         words += ["--structure", str(source.structure)]
     words += ["--out", str(path.with_name(f"{path.stem}_redesigned.json"))]
-    found = [part for flag, value in _OPTION.findall(source.way_on or "") for part in (flag, value)]
-    return again(words, found) if found else ("heatertune", *words)
+    changes = [part for flag, value in _OPTION.findall(source.way_on or "") for part in (flag, value)]
+    return again(words, changes) if changes else ("heatertune", *words)
 
 
 def _typed(option: Option, value: Any) -> list[str]:
@@ -267,8 +267,8 @@ def _merged(stored_conditions: Conditions, own: Mapping[str, Any]) -> Conditions
     if "spec" in own:
         stored_conditions = replace(stored_conditions, limit=(), tolerance_degC=None, step_power_pct=None)
     limits = own.get("limit", ())
-    named = {_name(limit) for limit in limits}
-    others = tuple(limit for limit in stored_conditions.limit if _name(limit) not in named)
+    names = {_name(limit) for limit in limits}
+    others = tuple(limit for limit in stored_conditions.limit if _name(limit) not in names)
     return replace(stored_conditions, **{
         **own, "limit": (*others, *limits), "switches": {**stored_conditions.switches, **own.get("switches", {})},
         "accept": tuple(dict.fromkeys((*stored_conditions.accept, *own.get("accept", ()))))})
@@ -279,16 +279,16 @@ def _name(limit: str) -> str:
 
 
 def _origin_lines(origin: DesignProvenance, recipe: DesignProvenance, where: str) -> Iterator[str]:
-    """Return what is taken from the file, and what of it is not."""
-    said, heard = list(_parts(origin)), list(_parts(recipe))
-    if taken := [part for part in heard if part in said]:
-        yield f"As {where} has it: {', '.join(taken)}."
-    if left := [part for part in said if part not in heard]:
+    """Return the settings that are taken from the file, and those that are not."""
+    origin_parts, recipe_parts = list(_parts(origin)), list(_parts(recipe))
+    if common := [part for part in recipe_parts if part in origin_parts]:
+        yield f"As {where} has it: {', '.join(common)}."
+    if left := [part for part in origin_parts if part not in recipe_parts]:
         yield f"Not as {where} has it, for an option says otherwise: {', '.join(left)}."
 
 
 def _parts(recipe: DesignProvenance) -> Iterator[str]:
-    """Return what a recipe says beyond the defaults, as the command line would."""
+    """Return the settings of a recipe beyond the defaults, as on the command line."""
     for kind, holder in ((SensorSettings, recipe), (WordSettings, recipe), (Conditions, recipe.conditions)):
         for name, one in options_of(kind).items():
             value = getattr(holder, name, one.default)
@@ -300,8 +300,8 @@ def _parts(recipe: DesignProvenance) -> Iterator[str]:
         yield f"a window of {recipe.window_degC:.3g} °C"
     if recipe.setpoint_ramp is not None:
         ramp = recipe.setpoint_ramp
-        held = "" if ramp.hold_degC is None else f" held within {ramp.hold_degC:.3g} °C of the reading"
-        yield f"a setpoint ramp of {ramp.degC_per_min:.3g} °C/min{held}"
+        holdback = "" if ramp.hold_degC is None else f" held within {ramp.hold_degC:.3g} °C of the reading"
+        yield f"a setpoint ramp of {ramp.degC_per_min:.3g} °C/min{holdback}"
     if recipe.boost is not None:
         yield f"a boost to {recipe.boost.within_degC:.3g} °C from the setpoint"
 

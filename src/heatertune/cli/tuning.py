@@ -164,9 +164,9 @@ def _result_of(settings: argparse.Namespace, fitted: FittedModel, progress: prin
 
 def _proof_asked(settings: argparse.Namespace) -> bool:
     """Return whether there is an option that only a proof hears."""
-    beside = {"step_power_pct", "switch_kind", "as_is"}  # a design hears these, too
+    shared = {"step_power_pct", "switch_kind", "as_is"}  # a design hears these, too
     return bool({*options.provided_options(Conditions, settings),
-                 *options.provided_options(WordSettings, settings)} - beside)
+                 *options.provided_options(WordSettings, settings)} - shared)
 
 
 def _plain(settings: argparse.Namespace, fitted: FittedModel, progress: printing.Progress) -> PidDesign:
@@ -178,13 +178,13 @@ def _plain(settings: argparse.Namespace, fitted: FittedModel, progress: printing
     by_words = common.interval_by_words(settings)
     if by_words and settings.target is None:
         raise InputError("--sample-time words needs --target: the words are its own")
-    asked = options.of(TuneSettings, settings)
-    refuse_unused_limits(asked)
+    aim = options.of(TuneSettings, settings)
+    refuse_unused_limits(aim)
     proven_later = settings.target is not None or _proof_asked(settings)
-    tuned = tune_settings_for(asked, common.conditions(settings)) if proven_later else asked
+    tuned = tune_settings_for(aim, common.conditions(settings)) if proven_later else aim
     find = partial(tune_for_words if by_words else chain.tune, target=settings.target, progress=progress)
     design = find(fitted, tuned, scaling=common.scaling(settings))
-    notes = [*aim_sentences(asked, tuned), *([_UNPROVEN] if _proof_asked(settings) else [])]
+    notes = [*aim_sentences(aim, tuned), *([_UNPROVEN] if _proof_asked(settings) else [])]
     design = replace(design, notes=(*design.notes, *notes))
     kind = options.of(WordSettings, settings).switch_kind
     return design if kind is None else with_pwm(design, fitted, kind)[0]
@@ -210,8 +210,8 @@ def add_compare(commands: Any) -> None:
 def _run_compare(settings: argparse.Namespace) -> int:
     from heatertune.proof.repetition import scaling_of
 
-    design, fitted, kept = common.design_and_model(settings)
-    progress, (recipe, notes) = printing.Progress(settings), in_force(settings, kept, settings.pid)
+    design, fitted, origin = common.design_and_model(settings)
+    progress, (recipe, notes) = printing.Progress(settings), in_force(settings, origin, settings.pid)
     for note in notes:
         progress.note(note)
     if recipe.input is not None:
@@ -312,13 +312,13 @@ def _designed(settings: argparse.Namespace, second: Worker) -> int:
 
     progress = printing.Progress(settings, TYPICAL_S)
     progress("reading")
-    asked, beside = common.design_request(settings), options.of(FitSettings, settings)  # refused before the log is read
-    plc.controller_for(asked.target)
+    request, fit = common.design_request(settings), options.of(FitSettings, settings)  # refused before the log is read
+    plc.controller_for(request.target)
     log = chain.read_log(settings.log, common.reading(settings), errata=True)
     printing.tell_taken(settings, [log], progress)
     result = chain.design(
-        log, asked, out=settings.out, fitted_with=beside, force=settings.force, progress=progress, begun=second)
-    effect, feed = result.fitted_model.disturbance, plc.controller_for(asked.target).feed
+        log, request, out=settings.out, fitted_with=fit, force=settings.force, progress=progress, begun=second)
+    effect, feed = result.fitted_model.disturbance, plc.controller_for(request.target).feed
     fed = "" if effect is None or not effect.acts or feed is None else (
         f"feed it forward: heatertune feed-forward {settings.out}")
     nearest = again(settings.given, result.outcome.passes_with)

@@ -105,14 +105,14 @@ def worth_compiling(
     if decided is not None:
         return decided
     _scans_asked[work] += scans
-    asked = _scans_asked[work] + ahead
+    total = _scans_asked[work] + ahead
     most = _PLAIN_SCANS if most_plain is None else most_plain
-    kept = _PLAIN_SCANS_READY if "llvmlite.binding" in sys.modules else _PLAIN_SCANS_KEPT
-    if kept < asked <= most and function is not None and work not in _looked_for:
+    least = _PLAIN_SCANS_READY if "llvmlite.binding" in sys.modules else _PLAIN_SCANS_KEPT
+    if least < total <= most and function is not None and work not in _looked_for:
         _looked_for.add(work)
         if has_machine_code(function):
-            _scans_asked[work] = asked = most + 1
-    return asked > most
+            _scans_asked[work] = total = most + 1
+    return total > most
 
 
 def worth_a_second(scans: int, function: Callable[..., Any], *, most: int, most_kept: int) -> bool:
@@ -239,23 +239,23 @@ class _MachineCode:
         return MISSED if run is None else run(arguments)
 
     def _by_numba(self) -> Callable[[tuple[Any, ...]], Any]:
-        """Return what runs it on Numba's own path, for arguments of all kinds."""
+        """Return the function on Numba's own path, for arguments of all kinds."""
         self.made += 1
         function = check.numba_function(self._function)
         return lambda arguments: function(*arguments)
 
     def _direct(self, kinds: Kinds, arguments: Sequence[Any]) -> Callable[[tuple[Any, ...]], Any] | None:
-        """Return what runs it as machine code, None where Numba calls it in a way that the loader does not know."""
-        if (kept := self._stored_code(kinds)) is None:
+        """Return the function as machine code, None where Numba calls it in a way that the loader does not know."""
+        if (code := self._stored_code(kinds)) is None:
             with _compile_in_turn(None if self._place is None else self._place / self._name(kinds)):
-                if (kept := self._stored_code(kinds)) is None:
+                if (code := self._stored_code(kinds)) is None:
                     self.made += 1
                     return self._compiled(kinds, arguments)
         self.found += 1
-        return kept
+        return code
 
     def _stored_code(self, kinds: Kinds) -> Callable[[tuple[Any, ...]], Any] | None:
-        """Return what is on disk, None where it is not or is torn."""
+        """Return the code on disk, None where there is none or it is torn."""
         with suppress(OSError, ValueError):
             return None if self._place is None else entry(
                 Code.from_bytes((self._place / self._name(kinds)).read_bytes()), kinds)
@@ -272,9 +272,9 @@ class _MachineCode:
         if self._place is not None:
             with suppress(InputError):
                 write_files(self._place, {self._name(kinds): code.to_bytes()})
-        made = entry(code, kinds)
-        assert made is not None, "what the compiler just made needs nothing that is not there"
-        return made
+        entry_code = entry(code, kinds)
+        assert entry_code is not None, "what the compiler just made needs nothing that is not there"
+        return entry_code
 
     def _name(self, kinds: Kinds) -> str:
         digest = hashlib.sha256(f"{host()} {signature_text(kinds)}".encode()).hexdigest()[:16]
@@ -328,10 +328,10 @@ def has_machine_code(function: Callable[..., Any]) -> bool:
 @remember
 def _remove_stale(base: Path) -> None:
     """Remove folders that no process used for a month; one is renamed first, so that nobody meets half of it."""
-    for kept in base.glob("compiled-*"):
+    for folder_path in base.glob("compiled-*"):
         with suppress(OSError):
-            if time.time() - kept.stat().st_mtime > _STALE_S:
-                shutil.rmtree(kept.rename(kept.with_name(f"removed-{kept.name}-{os.getpid()}")))
+            if time.time() - folder_path.stat().st_mtime > _STALE_S:
+                shutil.rmtree(folder_path.rename(folder_path.with_name(f"removed-{folder_path.name}-{os.getpid()}")))
 
 
 def _digest(function: Callable[..., Any]) -> str | None:
@@ -362,8 +362,8 @@ _digest_once = remember(_digest)
 
 
 def _constants(function: FunctionType) -> str:
-    named = {name: function.__globals__.get(name) for name in function.__code__.co_names}
-    plain = {name: value for name, value in named.items() if isinstance(value, int | float | complex | str | tuple)}
+    by_name = {name: function.__globals__.get(name) for name in function.__code__.co_names}
+    plain = {name: value for name, value in by_name.items() if isinstance(value, int | float | complex | str | tuple)}
     return f"{function.__module__}.{function.__qualname__} {plain}\n"
 
 
@@ -381,10 +381,10 @@ def _mentioned(path: Path) -> frozenset[Path]:
 
 def _functions(function: Callable[..., Any]) -> set[FunctionType]:
     """Return a function and all plain functions that are compiled with it."""
-    ahead, seen = [function], set[FunctionType]()
+    ahead, visited = [function], set[FunctionType]()
     while ahead:
         plain = ahead.pop()
-        if isinstance(plain, FunctionType) and plain not in seen:
-            seen.add(plain)
+        if isinstance(plain, FunctionType) and plain not in visited:
+            visited.add(plain)
             ahead += [*callees(plainly(plain)).values(), plainly(plain)]
-    return seen
+    return visited

@@ -107,7 +107,7 @@ class Code:
 
     @classmethod
     def from_bytes(cls, content: bytes) -> Code:
-        """Return what a file holds; raise ValueError where it is not as it was written: it would run what is left."""
+        """Return the code in a file; raise ValueError where it is not as it was written: it would run what is left."""
         schema, digest, head, both = content.split(b"\n", 3)
         if schema != _SCHEMA or digest.decode() != hashlib.sha256(head + both).hexdigest():
             raise ValueError("the file was changed")
@@ -152,9 +152,9 @@ def signature_text(kinds: Kinds) -> str:
 def host() -> str:
     """Return on what machine code depends beside its source: the compiler, the processor, and what it is told."""
     loader = _loader()
-    told = [f"{name}={value}" for name, value in sorted(os.environ.items()) if name.startswith("NUMBA_")]
+    options = [f"{name}={value}" for name, value in sorted(os.environ.items()) if name.startswith("NUMBA_")]
     return " ".join([platform.system(), loader.get_process_triple(), loader.get_host_cpu_name(),
-                     loader.get_host_cpu_features().flatten(), *map(release, ("numba", "llvmlite", "numpy")), *told])
+                     loader.get_host_cpu_features().flatten(), *map(release, ("numba", "llvmlite", "numpy")), *options])
 
 
 def entry(code: Code, kinds: Kinds) -> Callable[[tuple[Any, ...]], Any] | None:
@@ -254,8 +254,8 @@ class _Taking:
         """Take an array apart; its owner is who calls."""
         shape, strides = ([self._name() for _ in range(dimensions)] for _ in range(2))
         if isinstance(marks, str):
-            kept = f"{name}.typecode == {of!r}" if marks == "array" else "True"
-            self._demand(f"type({name}) is {marks} and {kept}")
+            type_check = f"{name}.typecode == {of!r}" if marks == "array" else "True"
+            self._demand(f"type({name}) is {marks} and {type_check}")
             where = f"{name}.buffer_info()[0]" if marks == "array" else f"addressof(byte({name})) if {name} else 0"
             size, shape, strides = f"len({name})", [f"len({name})"], [str(array(of).itemsize)]
             self._numbers += ["0", "0", size, *strides, where, *shape, *strides]
@@ -296,7 +296,7 @@ def _result(result: Result) -> tuple[Any, Callable[[Any], Any]]:
         values = (read(getattr(there, name)) for name, (_, read) in inside.items())
         return tuple(values) if class_ is None else class_(*values)
 
-    return type("Tuple", (ctypes.Structure,), {"_fields_": [(name, made) for name, (made, _) in inside.items()]}), read
+    return type("Tuple", (ctypes.Structure,), {"_fields_": [(name, kind) for name, (kind, _) in inside.items()]}), read
 
 
 def letters_of(kinds: Kinds) -> str:

@@ -85,14 +85,14 @@ def object_code(function: Callable[..., Any], arguments: Sequence[Any], *, calls
         TypeError: it returns something else than a number or a tuple of them.
         UnknownCall: it takes its numbers in another way than the loader hands them over.
     """
-    made = overload(function, arguments, calls=calls)
-    result = _result(function, made.signature.return_type)
-    _demand_call(made, kinds_of(arguments), result)
-    needs = [each.name for each in made.library._final_module.functions if each.is_declaration]
-    return Code(name=made.fndesc.llvm_func_name, result=result,
+    overload_code = overload(function, arguments, calls=calls)
+    result = _result(function, overload_code.signature.return_type)
+    _demand_call(overload_code, kinds_of(arguments), result)
+    needs = [each.name for each in overload_code.library._final_module.functions if each.is_declaration]
+    return Code(name=overload_code.fndesc.llvm_func_name, result=result,
                 needs=tuple(name for name in needs if not name.startswith("llvm.")),
-                content=made.library._get_compiled_object(),
-                door=packed_door(made.fndesc.llvm_func_name, kinds_of(arguments)))
+                content=overload_code.library._get_compiled_object(),
+                door=packed_door(overload_code.fndesc.llvm_func_name, kinds_of(arguments)))
 
 
 def _demand_call(function: Any, kinds: Kinds, result: Result) -> None:
@@ -102,9 +102,9 @@ def _demand_call(function: Any, kinds: Kinds, result: Result) -> None:
     """
     descriptor = function.fndesc
     call = function.target_context.call_conv.get_function_type(descriptor.restype, descriptor.argtypes)
-    taken = [_TAKEN.get(str(each), "Q" if each.is_pointer else "") for each in call.args]
+    letters = [_TAKEN.get(str(each), "Q" if each.is_pointer else "") for each in call.args]
     written = result is None or _laid_out(call.args[0].pointee) == _parts(result)
-    if taken != list(letters_of(kinds)) or str(call.return_type) != "i32" or not written:
+    if letters != list(letters_of(kinds)) or str(call.return_type) != "i32" or not written:
         raise UnknownCall(f"{descriptor.qualname}: it takes {call}")
 
 
@@ -120,19 +120,19 @@ def _parts(result: Result) -> Any:
 
 
 def overload(function: Callable[..., Any], arguments: Sequence[Any], *, calls: bool = False) -> Any:
-    """Return what Numba makes of a plain function; arguments as `object_code`."""
+    """Return Numba's overload of a plain function; arguments as `object_code`."""
     machine, signature = _compiler(function, calls=calls, pipeline=_Whole), tuple(map(typeof, arguments))
     machine.compile(signature)
     return machine.overloads[signature]
 
 
 def _result(function: Callable[..., Any], kind: Any) -> Result:
-    """Return what a compiled function returns, as `Code.result`."""
+    """Return the result type of a compiled function, as `Code.result`."""
     if kind == types.none:
         return None
     if isinstance(kind, BaseTuple):
-        named = kind.instance_class if isinstance(kind, BaseNamedTuple) else None
-        where = "" if named is None else f"{named.__module__}:{named.__qualname__}"
+        tuple_class = kind.instance_class if isinstance(kind, BaseNamedTuple) else None
+        where = "" if tuple_class is None else f"{tuple_class.__module__}:{tuple_class.__qualname__}"
         return [where, *(_result(function, each) for each in kind)]
     if kind not in _LETTERS:
         raise TypeError(f"{function.__qualname__}: it returns {kind}, not a number or a tuple of them")

@@ -66,7 +66,7 @@ def bound(function: _Plain, **compiled_function: Callable[..., Any]) -> _Plain:
 
 
 def plainly(function: Callable[..., Any]) -> FunctionType:
-    """Return what is compiled for a function: itself, or its twin."""
+    """Return the function to compile for a function: itself, or its twin."""
     plain = _TWINS.get(function, function)
     assert isinstance(plain, FunctionType)
     return plain
@@ -75,8 +75,8 @@ def plainly(function: Callable[..., Any]) -> FunctionType:
 def callees(function: FunctionType) -> dict[str, FunctionType]:
     """Return the plain functions that a function names."""
     scope = function.__globals__
-    named = {name: scope.get(name) for name in function.__code__.co_names}
-    return {name: value for name, value in named.items() if isinstance(value, FunctionType)}
+    by_name = {name: scope.get(name) for name in function.__code__.co_names}
+    return {name: value for name, value in by_name.items() if isinstance(value, FunctionType)}
 
 
 def copy_function(function: FunctionType, names: Mapping[str, Any]) -> FunctionType:
@@ -208,5 +208,5 @@ def numba_function(function: Callable[..., Any]) -> Callable[..., Any]:
 
     plain = plainly(function)
     inside = {name: numba_function(value) for name, value in callees(plain).items()}
-    made: Callable[..., Any] = njit(nogil=True, error_model="numpy")(copy_function(plain, inside))
-    return made
+    native: Callable[..., Any] = njit(nogil=True, error_model="numpy")(copy_function(plain, inside))
+    return native

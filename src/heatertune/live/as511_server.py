@@ -115,17 +115,17 @@ class As511Server:
         self._say(_END, _ACK)
 
     def _body(self) -> bytes:
-        """Return what comes before 10 04."""
-        found = bytearray()
+        """Return the bytes before 10 04."""
+        body = bytearray()
         while True:
             byte = self._hear()
             if byte == _DLE:
                 byte = self._hear()
                 if byte == _EOT[1]:
-                    return bytes(found)
+                    return bytes(body)
                 if byte != _DLE:
                     raise _Silence
-            found.append(byte)
+            body.append(byte)
 
     # the line
 
@@ -171,14 +171,14 @@ class As511Server:
     def _places(self) -> Iterator[tuple[int, int, int]]:
         """Yield number, address of DW 0 and bytes of each block that is there."""
         address = _BEGIN if self._plc.link("compressed") is None else _COMPRESSED
-        for number, held in self._numbers.items():
+        for number, block_name in self._numbers.items():
             address += _HEADER
-            if not (held == self._memory.main and self._memory.missing):
-                yield number, address, self._memory.block_size(held)
-            address += self._memory.size(held)
+            if not (block_name == self._memory.main and self._memory.missing):
+                yield number, address, self._memory.block_size(block_name)
+            address += self._memory.size(block_name)
 
     def _info(self, body: bytes) -> bytes:
-        """Return what 1Ah tells of a block: its address, and its header."""
+        """Return the answer to 1Ah about a block: its address and its header."""
         for number, address, length in self._places():
             if body == bytes((1, number)):
                 return b"\0" + address.to_bytes(2, "big") + self._header(number, length)
@@ -189,18 +189,18 @@ class As511Server:
         return bytes((0x70, 0x70, 0x41, number, 0, 0, 0, 0)) + (length // 2 + _HEADER // 2).to_bytes(2, "big")
 
     def _read(self, body: bytes) -> bytes:
-        """Return what 04h reads: all blocks are where they are, and nothing beside them."""
+        """Return the answer to 04h: the blocks at their addresses, and nothing next to them."""
         first, last = (int.from_bytes(body[at : at + 2], "big") for at in (0, 2))
         if len(body) != 4 or not first <= last < first + _MOST:
             raise Refusal(Access.OUTSIDE)
-        found = bytearray(last + 1 - first)
+        cells = bytearray(last + 1 - first)
         with self._memory.changed:
             for number, address, length in self._places():
-                held = self._header(number, length) + self._memory.read(self._numbers[number], 0, length)
-                for at, byte in enumerate(held, start=address - _HEADER):
+                content = self._header(number, length) + self._memory.read(self._numbers[number], 0, length)
+                for at, byte in enumerate(content, start=address - _HEADER):
                     if first <= at <= last:
-                        found[at - first] = byte
-        return bytes(5) + bytes(found)
+                        cells[at - first] = byte
+        return bytes(5) + bytes(cells)
 
     def _write(self, body: bytes) -> bytes:
         """Write what 03h writes; refuse what reaches over the end of a block, or into a header."""

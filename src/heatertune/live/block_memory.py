@@ -74,14 +74,14 @@ class BlockSignal(NamedTuple):
 
     def of(self, content: bytes, begin: int = 0) -> float:
         """Return the quantity in bytes of the block that begin at one of its bytes."""
-        found = self.number(content[self.start - begin : self.start - begin + self.size])
+        raw = self.number(content[self.start - begin : self.start - begin + self.size])
         (raw_0, raw_1), (shown_0, shown_1) = self.raw, self.shown
-        return shown_0 + (found - raw_0) * (shown_1 - shown_0) / (raw_1 - raw_0)
+        return shown_0 + (raw - raw_0) * (shown_1 - shown_0) / (raw_1 - raw_0)
 
     def number(self, cells: bytes) -> float:
         """Return the number in its own bytes."""
-        found: float = struct.unpack(STRUCTS[self.format], cells[2:] + cells[:2] if self.turned else cells)[0]
-        return found
+        number: float = struct.unpack(STRUCTS[self.format], cells[2:] + cells[:2] if self.turned else cells)[0]
+        return number
 
     def stored(self, number: Number) -> bytes:
         """Return the bytes of a number that the format holds."""
@@ -241,11 +241,11 @@ class BlockMemory:
             self.changed.notify_all()
 
     def _block(self, number: int, start: int, count: int) -> bytearray:
-        known = self._names.get(number)
-        if known is None or (self.missing and known == self.main):
+        block_name = self._names.get(number)
+        if block_name is None or (self.missing and block_name == self.main):
             raise Refusal(Access.MISSING)
-        block = self._blocks[known]
-        if start < 0 or count < 0 or start + count > self.block_size(known):
+        block = self._blocks[block_name]
+        if start < 0 or count < 0 or start + count > self.block_size(block_name):
             raise Refusal(Access.OUTSIDE)
         return block
 
@@ -286,10 +286,10 @@ class BlockMemory:
         """
         with self.changed:
             own = self._blocks[OWN]
-            kept = [(part, own[part]) for part in (RELEASED, HEARTBEAT, SHOWN)]
+            own_parts = [(part, own[part]) for part in (RELEASED, HEARTBEAT, SHOWN)]
             own[:] = STATUS_BYTES.pack(
                 intervals & 0xFFFFFFFF, scans & 0xFFFFFFFF, 0, 0, status, *signals, STATUS_MARK, 0, self._interval_s)
-            for part, content in kept:
+            for part, content in own_parts:
                 own[part] = content
 
     @property
@@ -372,17 +372,17 @@ def members(named: Sequence[tuple[str, str]]) -> dict[str, CellAddress]:
 
     Bits stand one after the other, all else from an even byte on.
     """
-    found, byte, bit = dict[str, CellAddress](), 0, 0
+    addresses, byte, bit = dict[str, CellAddress](), 0, 0
     for name, format_ in named:
         if format_ == "BOOL":
             byte, bit = (byte + 1, 0) if bit > 7 else (byte, bit)
-            found[name] = CellAddress(byte, format_, bit)
+            addresses[name] = CellAddress(byte, format_, bit)
             bit += 1
             continue
         byte, bit = byte + bool(bit), 0
-        found[name] = place = CellAddress(byte + byte % 2, format_)
+        addresses[name] = place = CellAddress(byte + byte % 2, format_)
         byte = place.part.stop
-    return found
+    return addresses
 
 
 def registers(wanted: Mapping[str, tuple[int, str]], *, turned: bool = False) -> tuple[dict[str, CellAddress],
@@ -393,16 +393,16 @@ def registers(wanted: Mapping[str, tuple[int, str]], *, turned: bool = False) ->
         wanted: name → register and format.
         turned: whether a REAL has its low word first.
     """
-    found, runs, byte = dict[str, CellAddress](), list[RegisterRange](), 0
+    addresses, runs, byte = dict[str, CellAddress](), list[RegisterRange](), 0
     for name, (register, format_) in sorted(wanted.items(), key=lambda entry: entry[1][0]):
-        found[name] = place = CellAddress(byte, format_, turned=turned and format_ == "REAL")
+        addresses[name] = place = CellAddress(byte, format_, turned=turned and format_ == "REAL")
         size = (place.part.stop - byte) // 2
         if runs and runs[-1].first + runs[-1].size == register:
             runs[-1] = runs[-1]._replace(size=runs[-1].size + size)
         else:
             runs.append(RegisterRange(register, byte, size))
         byte = place.part.stop
-    return found, runs
+    return addresses, runs
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -514,7 +514,7 @@ class Laid:
 
     def _signal(self, place: CellAddress, raw: tuple[float, float] = (0.0, 1.0),
                 shown: tuple[float, float] = (0.0, 1.0)) -> BlockSignal:
-        """Return what stands at a place; of registers that are not in a row, register r is at byte 2·r."""
+        """Return the content of a place; of registers that are not in a row, register r is at byte 2·r."""
         start = place.byte if len(self.registers) < 2 else next(
             2 * run.first + place.byte - run.byte for run in self.registers
             if run.byte <= place.byte < run.byte + 2 * run.size)
@@ -531,7 +531,7 @@ class Laid:
     def run(
         self, cells: bytearray, running: ControllerState, state: Any, reading: Number  # noqa: ARG002 - some need it
     ) -> tuple[Any, float, Number, int]:
-        """Return what the controller's own step gives for the inputs as they stand there."""
+        """Return the result of the controller's own step for the inputs as they stand there."""
         assert self._controller.scan_all is not None
         inputs = {name: place.read(cells) for name, place in self.layout.inputs.items()}
         return self._controller.scan_all(running.parameters, state, inputs)
@@ -546,11 +546,11 @@ class Laid:
 
     def _taken(self, cells: bytearray) -> ControllerState:
         """Return the controller with the words that stand there, in the cold state."""
-        held = _parts(cells, self.layout.words)
-        if held != self._held:
+        parts = _parts(cells, self.layout.words)
+        if parts != self._held:
             values = {name: place.read(cells) for name, place in self.layout.words.items()}
             self._running = self._controller.begin(replace(self._words, values=values), self._assume)
-            self._held = held
+            self._held = parts
         return self._running
 
     def _keep(self, cells: bytearray, state: Any) -> None:
@@ -593,8 +593,8 @@ class Laid:
 
     def put_word(self, cells: bytearray, name: str, value: float) -> None:
         """Write one word; errors as `heatertune.live.block_memory`."""
-        wanted = field_of([each for each in self._controller.fields if each.name in self.layout.words], name)
-        self.layout.words[name].write(cells, to_word_format(wanted, value))
+        field = field_of([each for each in self._controller.fields if each.name in self.layout.words], name)
+        self.layout.words[name].write(cells, to_word_format(field, value))
 
 
 def _parts(cells: bytes | bytearray, places: Mapping[str, CellAddress]) -> bytes:

@@ -90,7 +90,7 @@ class ServedBlock(Protocol):
         """Put the controller back in automatic."""
 
     def put_in_manual(self, cells: bytes, power_pct: float) -> tuple[int, bytes]:
-        """Return what a client writes to put the controller in manual with a power.
+        """Return the write that puts the controller in manual with a power.
 
         Args:
             cells: the block as it stands.
@@ -132,8 +132,8 @@ def block_for(controller: Controller, words: Words, switches: Mapping[str, str])
         UnknownName: no such switch or setting.
     """
     module, name = SERVED[controller.name]
-    made: Callable[[Controller, Words, Any], ServedBlock] = getattr(import_module(f"heatertune.live.{module}"), name)
-    return made(controller, words, assumptions_from(controller.assumptions, switches))
+    factory: Callable[[Controller, Words, Any], ServedBlock] = getattr(import_module(f"heatertune.live.{module}"), name)
+    return factory(controller, words, assumptions_from(controller.assumptions, switches))
 
 
 #: what is recorded, in the order of a log's columns
@@ -183,10 +183,10 @@ class Topic:
     def of(self, payload: bytes) -> float:
         """Return the quantity in a payload; no number where it holds none, as where a sensor is unavailable."""
         try:
-            found = self._within(payload.decode())
-            if (state := _STATES.get(str(found).upper())) is not None:
+            value = self._within(payload.decode())
+            if (state := _STATES.get(str(value).upper())) is not None:
                 return state * self.full
-            number = float(found)
+            number = float(value)
         except (ValueError, TypeError, LookupError, RecursionError):
             return math.nan
         if not math.isfinite(number):
@@ -195,11 +195,11 @@ class Topic:
         return first + (number - low) * (last - first) / (high - low)
 
     def _within(self, text: str) -> Any:
-        """Return what stands at the path; raises ValueError, TypeError, LookupError or RecursionError."""
-        found: Any = json.loads(text) if self.path or text[:1] == '"' else text
+        """Return the value at the path; raises ValueError, TypeError, LookupError or RecursionError."""
+        value: Any = json.loads(text) if self.path or text[:1] == '"' else text
         for key in self.path.split(".") if self.path else ():
-            found = found[int(key)] if isinstance(found, list) else found[key]
-        return found
+            value = value[int(key)] if isinstance(value, list) else value[key]
+        return value
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -237,25 +237,25 @@ def places_of(words: Words) -> Places | None:
 
 
 def places_in(path: str | Path) -> Places:
-    """Return what a file says; see this module for its form.
+    """Return the places that a file names; see this module for its form.
 
     Raises:
         DocumentError: it cannot be read, or says something else; the message names the entry.
     """
-    said = read_toml(path)
-    if isinstance(said.get("temperature"), dict) and "topic" in said["temperature"]:
-        return _topics(path, said)
-    for name in said:
+    entries = read_toml(path)
+    if isinstance(entries.get("temperature"), dict) and "topic" in entries["temperature"]:
+        return _topics(path, entries)
+    for name in entries:
         if name not in ("block", "counter", *ROLES):
             raise DocumentError(f"{path}: entry {name!r}: expected block, counter, {', '.join(ROLES)}")
     signals: dict[str, BlockSignal] = {
-        role: _signal(path, role, said[role], ("raw", "range")) for role in ROLES if role in said}
+        role: _signal(path, role, entries[role], ("raw", "range")) for role in ROLES if role in entries}
     if "temperature" not in signals:
         raise DocumentError(f"{path}: no [temperature]; expected where it stands: byte, format, raw, range")
-    block = said.get("block")
+    block = entries.get("block")
     if block is not None and not (type(block) is int and 1 <= block <= _MOST_BYTE):
         raise DocumentError(f"{path}: block = {block!r}: expected a whole number 1…{_MOST_BYTE}")
-    counter = _counter(path, said["counter"]) if "counter" in said else None
+    counter = _counter(path, entries["counter"]) if "counter" in entries else None
     return Places(block=block, signals=signals, counter=counter, summary=Path(path).name)
 
 
@@ -283,11 +283,11 @@ def _topic(path: str | Path, role: str, table: object) -> Topic:
     for name, (form, expected) in _TOPIC_TEXTS.items():
         if not isinstance(texts[name], str) or not form.fullmatch(texts[name]):
             raise wrong(f"{name} = {texts[name]!r}", expected)
-    found = Topic(**texts)
+    topic = Topic(**texts)
     if {"raw", "range"} & set(table):
         raw, shown = (_pair(table.get(name), name, wrong) for name in ("raw", "range"))
-        found = replace(found, raw=raw, shown=shown)
-    return found
+        topic = replace(topic, raw=raw, shown=shown)
+    return topic
 
 
 def places_from(*, design: str | Path | None = None, map_file: str | Path | None = None) -> Places | None:

@@ -76,7 +76,7 @@ class AbortLimits:
             check("rate_degC_per_min", self.rate_degC_per_min, above=0.0)
 
     def broken(self, latest: Sequence[tuple[float, float]], sensor_degC: tuple[float, float]) -> tuple[str, str] | None:
-        """Return what the latest readings break, a word and a sentence; None: nothing.
+        """Return the limit that the latest readings break, a word and a sentence; None: none.
 
         Args:
             latest: time [s] and reading [°C] of each, the latest last.
@@ -223,12 +223,12 @@ def read_plan(path: str | Path) -> Steps | RelaySchedule:
 
 def _numbers(place: str, line: str, names: Sequence[str]) -> list[float]:
     try:
-        found = [float(cell) for cell in line.split(",")]
+        numbers = [float(cell) for cell in line.split(",")]
     except ValueError:
-        found = []
-    if len(found) != len(names) or not all(map(math.isfinite, found)):
+        numbers = []
+    if len(numbers) != len(names) or not all(map(math.isfinite, numbers)):
         raise InputError(f"{place}: {line.strip()!r}; expected {len(names)} numbers: {', '.join(names)}")
-    return found
+    return numbers
 
 
 def _step(place: str, line: str, before: Sequence[tuple[float, float]]) -> tuple[float, float]:
@@ -267,8 +267,8 @@ class ManualMode:
         self.block: ServedBlock = block_for(controller_for(words.target), words, {})
         self._image = self.block.image()
         start, put = self.block.put_in_manual(self._image, 0.0)
-        said = address.block if address.protocol == "s7" else None
-        self.place = self.block.number if said is None else said, start, len(put)
+        block_number = address.block if address.protocol == "s7" else None
+        self.place = self.block.number if block_number is None else block_number, start, len(put)
         at = self.block.put_in_manual(self._image, _PROBE_PCT)[1].find(struct.pack(">f", _PROBE_PCT))
         self.real = None if at < 0 else at
 
@@ -281,7 +281,7 @@ class ManualMode:
         return client.read(self.place[0], 0, len(self._image))
 
     def cells(self, client: Client) -> bytes:
-        """Return what stands in the cells; errors as `Client.read`."""
+        """Return the content of the cells; errors as `Client.read`."""
         return client.read(*self.place)
 
     def write_cells(self, client: Client, content: bytes) -> None:
@@ -402,7 +402,7 @@ class Experiment:
         self.budget = Budget(address, self.mode.place[0])
 
     def check(self) -> tuple[str, ...]:
-        """Return what was found, one sentence each.
+        """Return the findings, one sentence each.
 
         Raises:
             InputError: another block, other words, a temperature beyond the limit or the sensor's range, a CPU in STOP;
@@ -450,10 +450,10 @@ class Experiment:
     def _demand_words(self, client: Client) -> None:
         there = self._standing
         content = there.read(client)
-        found = {**{name: value for name, value in there.values(content).items() if name in there.own},
-                 **there.bits(content)}
-        there_texts, texts = value_texts(self._words, found), value_texts(self._words, self._words.values)
-        other = [f"{name} = {there_texts[name]}, not {texts[name]}" for name, value in found.items()
+        values = {**{name: value for name, value in there.values(content).items() if name in there.own},
+                  **there.bits(content)}
+        there_texts, texts = value_texts(self._words, values), value_texts(self._words, self._words.values)
+        other = [f"{name} = {there_texts[name]}, not {texts[name]}" for name, value in values.items()
                  if name not in there.block.operators and value != self._words.values[name]]
         if other:
             raise InputError(f"{self.mode.address.text} holds other words: {', '.join(other[:3])}; give the folder of "
@@ -602,9 +602,9 @@ class _Hand:
     def _set(self, power: float) -> None:
         """Put a power, where what stands there is what was put before; nobody else's change is undone."""
         mode, client = self._whole.mode, self._connection()
-        if (found := mode.cells(client)) != self._put:
+        if (cells := mode.cells(client)) != self._put:
             self.end("hand", "somebody else has changed the mode or the manual value, or the PLC's dead man has"
-                     if is_number(found, mode.real) else "the manual value in the PLC is not a number")
+                     if is_number(cells, mode.real) else "the manual value in the PLC is not a number")
         elif power != self._power:
             before, self._put = self._put, mode.by_hand(self._before, power)
             self._send(client, power, before)
@@ -621,13 +621,13 @@ class _Hand:
             return
         self.sent_pct = power
         self._hold.send(partial(mode.write_cells, client, self._put))
-        found = mode.cells(client)
-        if found == self._put:
+        cells = mode.cells(client)
+        if cells == self._put:
             self._hold.note_stored()
-        elif found == before:
+        elif cells == before:
             self.end("hand", f"{power:g} % was accepted, but does not stand there")
         else:
-            self._hold.add_own(mode.place[1], found)
+            self._hold.add_own(mode.place[1], cells)
             self._hold.note_stored()
             self.end("hand", f"the device keeps other values than were written for {power:g} %: a limit of its own, or "
                              "somebody else has changed them just now")

@@ -166,10 +166,10 @@ class WayBack:
     @property
     def message(self) -> str:
         """What is open, a sentence that names the remedy."""
-        begun = f"{self.command} begun {self.begun} (process {self.process}) has not ended"
-        found = (f"an {begun}: the controller may be in manual at up to {self.power_pct:g} %"
-                 if self.command == "experiment" else f"a {begun}: some of its parameters may be in the PLC")
-        return f"{self.address}: {found}; unless it still runs, bring back what stood there before: {self.remedy}"
+        attempt = f"{self.command} begun {self.begun} (process {self.process}) has not ended"
+        state = (f"an {attempt}: the controller may be in manual at up to {self.power_pct:g} %"
+                 if self.command == "experiment" else f"a {attempt}: some of its parameters may be in the PLC")
+        return f"{self.address}: {state}; unless it still runs, bring back what stood there before: {self.remedy}"
 
     def to_text(self) -> str:
         """Return it as its file holds it."""
@@ -182,7 +182,7 @@ class WayBack:
 
     @classmethod
     def from_document(cls, document: Any) -> WayBack:
-        """Return what a file holds; raises KeyError, TypeError or ValueError where it is damaged."""
+        """Return the content of a file; raises KeyError, TypeError or ValueError where it is damaged."""
         parts = tuple(_part_of(part) for part in document["parts"])
         return cls(command=str(document["command"]), address=str(document["address"]), number=int(document["block"]),
                    parts=parts, power_pct=float(document["power_pct"]), record=str(document["record"]),
@@ -241,8 +241,8 @@ class Hold:
         Raises:
             DocumentError: the file is damaged.
         """
-        found = self._stored()
-        return found if found is not None and found.parts else None
+        way = self._stored()
+        return way if way is not None and way.parts else None
 
     def _stored(self) -> WayBack | None:
         try:
@@ -259,13 +259,13 @@ class Hold:
                                 "automatic, and remove the file") from None
 
     def message(self) -> str:
-        """Return what has to be said of a command that has not ended, a sentence; nothing where there is none.
+        """Return the message about a command that has not ended, a sentence; empty where there is none.
 
         Raises:
             DocumentError: as `way_back`.
         """
-        found = self.way_back()
-        return "" if found is None else found.message
+        way = self.way_back()
+        return "" if way is None else way.message
 
     def demand_free(self, *, unless_write: bool = False) -> WayBack | None:
         """Refuse a hold that is not free.
@@ -278,15 +278,15 @@ class Hold:
                 arrive, and would undo what is done now: the message says when it can arrive no longer.
             DocumentError: as `way_back`.
         """
-        found = self._stored()
-        if found is None:
+        way = self._stored()
+        if way is None:
             return None
-        if found.parts and (found.command not in _OF_ONE_BLOCK or not unless_write):
-            raise InputError(found.message)
-        if left_s := self._late_s(found.sent_s):
+        if way.parts and (way.command not in _OF_ONE_BLOCK or not unless_write):
+            raise InputError(way.message)
+        if left_s := self._late_s(way.sent_s):
             raise InputError(f"{self._address.text}: an earlier request has no answer, and a gateway may still pass it "
                              f"on: again in {math.ceil(left_s)} s")
-        return found if found.parts else None
+        return way if way.parts else None
 
     def open(self, way_back: WayBack) -> None:
         """Put a way back on the disk, whole, before this returns; nothing may be sent before.
@@ -299,10 +299,10 @@ class Hold:
 
     def resume(self) -> WayBack | None:
         """Take over the way back that another process has left; errors as `way_back`."""
-        found = self._stored()
-        if found is not None:
-            self._way_back, self._lost_s = found, found.sent_s
-        return found
+        way = self._stored()
+        if way is not None:
+            self._way_back, self._lost_s = way, way.sent_s
+        return way
 
     def _save(self, way_back: WayBack) -> None:
         write_files(self.path.parent, {self.path.name: way_back.to_text()})
@@ -343,12 +343,12 @@ class Hold:
 
     def add_own(self, start: int, cells: bytes, address: str = "") -> None:
         """Note that the device keeps other bytes than were written in their place; errors are told by the next one."""
-        found = self._way_back
-        if found is not None:
+        way = self._way_back
+        if way is not None:
             parts = tuple(
                 part._replace(own={*part.own, cells}) if (part.start, part.address) == (start, address) else part
-                for part in found.parts)
-            self._way_back = replace(found, parts=parts)
+                for part in way.parts)
+            self._way_back = replace(way, parts=parts)
             with suppress(InputError):
                 self._save(self._way_back)
 
@@ -363,8 +363,8 @@ class Hold:
     @property
     def stored_left_s(self) -> float:
         """The same, of what another process has sent; errors as `way_back`."""
-        found = self._stored()
-        return self._late_s(None if found is None else found.sent_s)
+        way = self._stored()
+        return self._late_s(None if way is None else way.sent_s)
 
     def close(self) -> None:
         """End the hold: what stands in the PLC is known. While a request may still arrive, the file says so."""
@@ -397,21 +397,21 @@ class Hold:
             self.clock.sleep(_PAUSES_S[min(number, len(_PAUSES_S) - 1)])
             number, left_s = number + 1, self.left_s
             try:
-                found = self._brought_back(timeout_s)
+                state = self._brought_back(timeout_s)
             except LinkError:
-                found = None
-            if found is not None and left_s == self.left_s == 0.0:  # nothing could arrive when that look began
+                state = None
+            if state is not None and left_s == self.left_s == 0.0:  # nothing could arrive when that look began
                 self.close()
-                return found
+                return state
             # a device that shows something else whatever is written would be tried for ever
-            left_s = self.left_s if found is not None else max(RETRY_S, LATE_S) - self.clock.passed_s(begun_s)
-            if (found is None and left_s <= 0.0) or enough():
+            left_s = self.left_s if state is not None else max(RETRY_S, LATE_S) - self.clock.passed_s(begun_s)
+            if (state is None and left_s <= 0.0) or enough():
                 return None
-            if found != stands or number == 1:
+            if state != stands or number == 1:
                 progress(f"{self._address.text}: " + (
-                    f"no answer; trying for {left_s:.0f} s to bring back what stood there" if found is None
+                    f"no answer; trying for {left_s:.0f} s to bring back what stood there" if state is None
                     else f"looking for {left_s:.0f} s more whether a request without an answer still arrives"))
-            stands = found
+            stands = state
 
     def _brought_back(self, timeout_s: float) -> bool | None:
         """Look once, and write where it is not as before; as `bring_back`.
@@ -426,10 +426,10 @@ class Hold:
             number = address.block or way_back.number  # over Modbus the block is the address's, whatever the number
             with connect(address, timeout_s) as client:
                 for part in parts:
-                    found = client.read(number, part.start, len(part.before))
-                    if not part.owns(found, self._address.protocol):
+                    content = client.read(number, part.start, len(part.before))
+                    if not part.owns(content, self._address.protocol):
                         outcome = False
-                    elif not self._has_put_back(client, number, part, found):
+                    elif not self._has_put_back(client, number, part, content):
                         return None
         return outcome
 

@@ -96,8 +96,8 @@ class OnlineMonitor:
             return
         if math.isfinite(look.signals["temperature"]) and not math.isfinite(look.signals["power"]):
             return  # without its power a scan cannot be judged: it is missed
-        asked = look.signals.get("setpoint", -math.inf)
-        self.highest_degC = max(self.highest_degC, asked if math.isfinite(asked) else -math.inf)
+        setpoint_degC = look.signals.get("setpoint", -math.inf)
+        self.highest_degC = max(self.highest_degC, setpoint_degC if math.isfinite(setpoint_degC) else -math.inf)
         self._last = now, self._reading(look.signals["temperature"]), _whole(look.signals["power"])
         self.passed += 1 if last is None or look.restarted else now - last[0]
         if last is not None and (look.restarted or now - last[0] - 1 > self._may_miss):
@@ -124,8 +124,8 @@ class OnlineMonitor:
         if alarm == 0:
             return
         name, time_s = ALARMS[alarm], at * self.view.scan_s
-        told = self.alarms.setdefault(name, Alarm(name, 0, time_s, time_s))
-        told.scans, told.to_s = told.scans + 1, time_s
+        entry = self.alarms.setdefault(name, Alarm(name, 0, time_s, time_s))
+        entry.scans, entry.to_s = entry.scans + 1, time_s
 
     def _reading(self, degC: float) -> int:
         """Return a temperature as counts of the card; what is no number is no sensor."""
@@ -133,7 +133,7 @@ class OnlineMonitor:
         return round((degC - card.zero_degC) / card.step_degC) if math.isfinite(degC) else self._numbers.high + 1
 
     def messages(self) -> tuple[str, ...]:
-        """Return what has to be told, one sentence each."""
+        """Return the messages, one sentence each."""
         lines = [f"monitor: {each.name} at {each.from_s:.6g} s" + (
             f", {each.scans} scans until {each.to_s:.6g} s" if each.scans > 1 else "") for each in self.alarms.values()]
         if self.highest_degC > self.view.setpoint_degC + 0.5 * self.view.card.step_degC:
@@ -152,8 +152,8 @@ class OnlineMonitor:
 
 def _whole(power_pct: float) -> int:
     """Return a power as the monitor takes it; next to a reading that is no number either, none."""
-    known = min(max(power_pct, -_FAR_PCT), _FAR_PCT) if math.isfinite(power_pct) else 0.0
-    return int(whole_pct(np.array(known)))
+    pct = min(max(power_pct, -_FAR_PCT), _FAR_PCT) if math.isfinite(power_pct) else 0.0
+    return int(whole_pct(np.array(pct)))
 
 
 _IN_A_ROW: Final = 2  # readings outside that are more than a disturbed one
@@ -218,7 +218,7 @@ class WatchStats:
             _DRIFT * self.rest_pct[0], self.least_drift_pct)
 
     def notes(self) -> tuple[str, ...]:
-        """Return what has to be told, one sentence each."""
+        """Return the messages, one sentence each."""
         lines = list[str]()
         if self.unusable:
             lines.append(f"{count(self.unusable, 'reading')} could not be used: {self.problem}")
@@ -339,17 +339,17 @@ class BandWatch:
 
     def see(self, look: Snapshot) -> None:
         """Take a look; temperature, power and setpoint are in it."""
-        degC, asked = look.signals["temperature"], look.signals["setpoint"]
+        degC, setpoint_degC = look.signals["temperature"], look.signals["setpoint"]
         self.seen.still_s, self.seen.seconds = self._still_time.see(look)
-        if not self._is_usable(look, degC, asked):
+        if not self._is_usable(look, degC, setpoint_degC):
             return
         power = look.signals.get("power", math.nan)
         self.seen.frozen = self._still.see(look.time_s, degC, power) or self.seen.frozen
         self._note_alarm(look.time_s, degC)
-        if self._band is None or abs(asked - self._band.setpoint_degC) > _SAME_DEGC:
+        if self._band is None or abs(setpoint_degC - self._band.setpoint_degC) > _SAME_DEGC:
             # who comes to a loop, or sees its setpoint move before it has settled, does not know where it is in its way
             mid_way = self._band is None or look.time_s - self._since_s < self._band.settles_s
-            self._band, self._since_s = Band.of(self._proven, asked, degC, mid_way=mid_way), look.time_s
+            self._band, self._since_s = Band.of(self._proven, setpoint_degC, degC, mid_way=mid_way), look.time_s
             self._rest.restart()
         since_s = look.time_s - self._since_s
         self._row = 0 if self.seen.compare(degC, self._band.at(since_s)) else self._row + 1
@@ -384,8 +384,8 @@ def others_there(proven: ProvenWords, address: Address) -> tuple[str, str]:
             content = peer.look().content
     except (InputError, LinkError) as problem:
         return "", str(problem)
-    found = {name: value for name, value in there.values(content).items() if name in there.own} | there.bits(content)
-    there_texts, texts = value_texts(words, found), value_texts(words, words.values)
-    other = [f"{name} is {there_texts[name]}, not {texts[name]}" for name, value in found.items()
+    values = {name: value for name, value in there.values(content).items() if name in there.own} | there.bits(content)
+    there_texts, texts = value_texts(words, values), value_texts(words, words.values)
+    other = [f"{name} is {there_texts[name]}, not {texts[name]}" for name, value in values.items()
              if name not in there.block.operators and value != words.values[name]]
     return f"other words stand there than were proven: {', '.join(other)}" if other else "", ""

@@ -125,17 +125,17 @@ _OWN_WORDS: Final = 3  # of the generic one: its first parameter
 def _wanted(make: Make, process: Process) -> dict[str, tuple[int, str]]:
     """Return name → register and format; of what an instrument measures and does beginning with a space."""
     plain, size = ("REAL", 2) if process.floats else ("INT", 1)
-    wanted = {" reading": (process.reading, plain), " setpoint": (process.setpoint, plain),
+    points = {" reading": (process.reading, plain), " setpoint": (process.setpoint, plain),
               " output": (process.output, plain)}
     if process.working is not None:
-        wanted[" working"] = (process.working, plain)
+        points[" working"] = (process.working, plain)
     for number, entry in enumerate(make.entries, start=_OWN_WORDS):
         register = number_of(make, entry)
-        wanted[entry.name] = (number if register is None else register, "REAL" if entry.real else "INT")
-    taken = {register for register, _ in wanted.values()}
+        points[entry.name] = (number if register is None else register, "REAL" if entry.real else "INT")
+    registers = {register for register, _ in points.values()}
     near = sorted((process.reading, process.working or process.setpoint, process.output))
-    between = [register for register in range(near[0], near[-1], size) if register not in taken]
-    return wanted | {f" {register}": (register, plain) for register in between}
+    between = [register for register in range(near[0], near[-1], size) if register not in registers]
+    return points | {f" {register}": (register, plain) for register in between}
 
 
 class InstrumentBlock(Laid):
@@ -149,11 +149,11 @@ class InstrumentBlock(Laid):
         """Take words of a make; see `heatertune.live.block_memory.Laid`."""
         make, process = MAKES[controller.name], PROCESS[controller.name]
         places, runs = registers(_wanted(make, process), turned=process.floats)
-        named = {name: place for name, place in places.items() if name[0] != " "}
+        parameters = {name: place for name, place in places.items() if name[0] != " "}
         self.layout = Layout(
-            description=f"{len(named)} parameters and what it measures and does", speaks=MODBUS, registers=runs,
+            description=f"{len(parameters)} parameters and what it measures and does", speaks=MODBUS, registers=runs,
             length=2 * sum(run.size for run in runs), setpoint=places[" setpoint"], reading=places[" reading"],
-            power=places[" output"], words=named)
+            power=places[" output"], words=parameters)
         self._working, self._digits = places.get(" working"), 1.0 if process.floats else 10.0
         self._fields = {field.name: field for field in controller.fields}
         self._measure = partial(controller.measure, words)
@@ -179,7 +179,7 @@ class InstrumentBlock(Laid):
     def run(
         self, cells: bytearray, running: ControllerState, state: Any, reading: Number
     ) -> tuple[Any, float, Number, int]:
-        """Return what a sample gives."""
+        """Return the result of a sample."""
         if bytes(cells[self.layout.setpoint.part]) != self._written:
             self._take_setpoint(cells)
         if self._working is not None:
@@ -192,8 +192,8 @@ class InstrumentBlock(Laid):
 
     def _take_setpoint(self, cells: bytearray) -> None:
         """Take what somebody has written; put the setpoint before back where it is no number of the range."""
-        found, scaling = self.layout.setpoint.read(cells), self._words.scaling
-        degC = found / self._digits
+        number, scaling = self.layout.setpoint.read(cells), self._words.scaling
+        degC = number / self._digits
         if scaling.low_degC <= degC <= scaling.high_degC:
             self._counts, self._written = int(self._measure(degC)), bytes(cells[self.layout.setpoint.part])
         else:

@@ -94,9 +94,9 @@ class ModbusServer(AsideServer):
             if values:
                 self._memory.write(number, place, b"".join(v.to_bytes(2, "big") for v in values))
             else:
-                found = self._memory.read(number, place, 2 * count)
+                content = self._memory.read(number, place, 2 * count)
                 registers[address - start : address - start + count] = [
-                    int.from_bytes(found[at : at + 2], "big") for at in range(0, len(found), 2)]
+                    int.from_bytes(content[at : at + 2], "big") for at in range(0, len(content), 2)]
         except Refusal as refused:
             return _CODES[refused.why]
         return None

@@ -113,7 +113,7 @@ class MqttSource(ClosesOnExit):
             self._looks.append(Snapshot(time.monotonic() - self._begun, dict(self._latest)))
 
     def look(self) -> Snapshot | None:
-        """Return what the next message of the temperature says; None: none has come.
+        """Return the content of the next message of the temperature; None: none has come.
 
         Raises:
             LinkDown: the broker has gone; `again` connects anew.

@@ -87,8 +87,8 @@ class NodeVariable:
             part = self.part or slice(0, memory.block_size(self.block))
             if index_range:
                 part = self._within(part, index_range)
-            found = memory.read(self.block, part.start, part.stop - part.start)
-        return ua.Variant(found if index_range else self.of(found), self.type)
+            content = memory.read(self.block, part.start, part.stop - part.start)
+        return ua.Variant(content if index_range else self.of(content), self.type)
 
     def write(self, memory: BlockMemory, value: ua.Variant | None, index_range: str | None = None) -> None:
         """Write the value, or a part of a ByteString: at once or not at all.
@@ -213,35 +213,35 @@ class _Attributes(AttributeService):  # type: ignore[misc]
         self._begun = datetime.now(UTC)
 
     def value(self, cell: NodeVariable, index_range: str | None = None) -> ua.DataValue:
-        """Return what a cell shows, or why it shows nothing."""
+        """Return the value of a cell, or the reason why it has none."""
         now = datetime.now(UTC)
         try:
-            found, status = cell.read(self.plc.memory, index_range), ua.StatusCodes.Good
+            value, status = cell.read(self.plc.memory, index_range), ua.StatusCodes.Good
         except (Refusal, ua.UaStatusCodeError) as refused:
-            found, status = None, _code(refused)
+            value, status = None, _code(refused)
         plant = self._begun + timedelta(seconds=min(self.plc.elapsed_s, _MOST_S))
-        return ua.DataValue(found, ua.StatusCode(status), SourceTimestamp=plant, ServerTimestamp=now)
+        return ua.DataValue(value, ua.StatusCode(status), SourceTimestamp=plant, ServerTimestamp=now)
 
     def read(self, params: ua.ReadParameters) -> list[ua.DataValue]:
         with self.plc.memory.changed:
-            return [self._read(wanted) for wanted in params.NodesToRead]
+            return [self._read(node) for node in params.NodesToRead]
 
     def _read(self, wanted: ua.ReadValueId) -> ua.DataValue:
         cell = self.cells.get(wanted.NodeId)
         if cell is None or wanted.AttributeId != ua.AttributeIds.Value:
-            found: ua.DataValue = self._aspace.read_attribute_value(wanted.NodeId, wanted.AttributeId)
-            return found
+            value: ua.DataValue = self._aspace.read_attribute_value(wanted.NodeId, wanted.AttributeId)
+            return value
         return self.value(cell, wanted.IndexRange)
 
     async def write(self, params: ua.WriteParameters, user: Any = None) -> list[ua.StatusCode]:
         done = []
-        for wanted in params.NodesToWrite:
-            cell = self.cells.get(wanted.NodeId)
-            if cell is None or wanted.AttributeId != ua.AttributeIds.Value:
-                done += await super().write(ua.WriteParameters([wanted]), user)
+        for node in params.NodesToWrite:
+            cell = self.cells.get(node.NodeId)
+            if cell is None or node.AttributeId != ua.AttributeIds.Value:
+                done += await super().write(ua.WriteParameters([node]), user)
                 continue
             try:
-                cell.write(self.plc.memory, wanted.Value.Value, wanted.IndexRange)
+                cell.write(self.plc.memory, node.Value.Value, node.IndexRange)
                 done.append(ua.StatusCode())
             except (Refusal, ua.UaStatusCodeError) as refused:
                 done.append(ua.StatusCode(_code(refused)))
@@ -290,7 +290,7 @@ class OpcuaServer(AsideServer):
         super().__init__("OPC UA", listener)
 
     def connections(self, factory: Any) -> Any:
-        """Return what makes the protocol of each connection; see `_OpcuaConnection`."""
+        """Return the factory of each connection's protocol; see `_OpcuaConnection`."""
         own = factory.__self__
         return lambda: _OpcuaConnection(own.iserver, own._policies, own.clients, own.closing_tasks, own.limits)
 
@@ -335,13 +335,13 @@ def _tell_time(server: Server) -> None:
     """Answer with the clock when asked for it; the library's own way writes it each second, and ends a second late."""
     server.disable_clock()
     space, status = server.iserver.aspace, ua.NodeId(ua.ObjectIds.Server_ServerStatus)
-    begun = datetime.now(UTC)
-    told = copy.copy(space.read_attribute_value(status, ua.AttributeIds.Value).Value.Value)
-    told.State, told.StartTime = ua.ServerState.Running, begun
+    start = datetime.now(UTC)
+    value = copy.copy(space.read_attribute_value(status, ua.AttributeIds.Value).Value.Value)
+    value.State, value.StartTime = ua.ServerState.Running, start
 
     def now(node: ua.NodeId, _attribute: ua.AttributeIds) -> ua.DataValue:
-        told.CurrentTime = datetime.now(UTC)
-        return ua.DataValue(ua.Variant(told if node == status else told.CurrentTime))
+        value.CurrentTime = datetime.now(UTC)
+        return ua.DataValue(ua.Variant(value if node == status else value.CurrentTime))
 
     for node in (status, ua.NodeId(ua.ObjectIds.Server_ServerStatus_CurrentTime)):
         space.set_attribute_value_callback(node, ua.AttributeIds.Value, now)
@@ -394,7 +394,7 @@ async def _publish(service: _Attributes, closing: list[asyncio.Task[Any]]) -> No
         service: with the cells.
         closing: the library's ends of connections, which it looks through too rarely for a client that sends nonsense.
     """
-    space, told = service._aspace, dict[ua.NodeId, Any]()
+    space, last_values = service._aspace, dict[ua.NodeId, Any]()
     while True:
         await asyncio.sleep(_LOOK_S)
         closing[:] = [each for each in closing if not each.done()]
@@ -402,9 +402,9 @@ async def _publish(service: _Attributes, closing: list[asyncio.Task[Any]]) -> No
             callbacks = space[node].attributes[ua.AttributeIds.Value].datachange_callbacks
             if not callbacks:
                 continue
-            found = service.value(cell)
-            seen = found.Value and found.Value.Value, found.StatusCode
-            if told.get(node) != seen:
-                told[node] = seen
+            data = service.value(cell)
+            value = data.Value and data.Value.Value, data.StatusCode
+            if last_values.get(node) != value:
+                last_values[node] = value
                 for handle, callback in callbacks.copy().items():
-                    await callback(handle, found)
+                    await callback(handle, data)

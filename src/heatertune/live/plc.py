@@ -134,17 +134,17 @@ def fault_of(text: str) -> ScheduledFault:
         InputError: another form, a time that is none, or a number where there is none.
         UnknownName: no such fault.
     """
-    found = _RULE.fullmatch(" ".join(text.split()))
-    if found is None:
+    match = _RULE.fullmatch(" ".join(text.split()))
+    if match is None:
         raise InputError(f"--fault {text!r}: expected {_FORM}")
-    begins, word, name, new, plain, value, until = found.groups()
+    begins, word, name, new, plain, value, until = match.groups()
     begins_s, ends_s = _number(text, begins, 0.0), math.inf if until is None else _number(text, until, 0.0)
     if not ends_s > begins_s:
         raise InputError(f"--fault {text!r}: it ends at {ends_s:g} s, before it begins")
     if word is not None:
         return ScheduledFault(name=_WORD, begins_s=begins_s, ends_s=ends_s, value=_number(text, new), word=name)
     if plain not in FAULTS and f"{plain}=" not in FAULTS:
-        raise UnknownName("fault", plain, [known.rstrip("=") for known in FAULTS])
+        raise UnknownName("fault", plain, [kind.rstrip("=") for kind in FAULTS])
     if (value is not None) != (f"{plain}=" in FAULTS):
         raise InputError(f"--fault {text!r}: {plain} {'takes no number' if value is not None else 'needs =NUMBER'}")
     number = 0.0 if value is None else _number(text, value)
@@ -177,7 +177,7 @@ def touch_mains(faults: Iterable[ScheduledFault]) -> bool:
 
 def heater_events(faults: Sequence[ScheduledFault], gain_degC_per_pct: float,
                   dead_s: float) -> list[tuple[float, int, float]]:
-    """Return what the proof's kernel is told of faults of the heater: instants [s], kinds and values, in order.
+    """Return the faults of the heater for the proof's kernel: instants [s], kinds and values, in order.
 
     What acts on the power reaches the temperature after the dead time.
 
@@ -356,7 +356,7 @@ class RudeGateway:
         self._copy: tuple[int, bytes] | None = None
 
     def read(self, block: bytes | bytearray) -> bytes | bytearray:
-        """Return what a client finds of the block."""
+        """Return the content of the block that a client reads."""
         cached = self._plc.link("cached")
         if cached is None:
             self._copy = None
@@ -366,7 +366,7 @@ class RudeGateway:
         return self._copy[1]
 
     def write(self, block: bytes | bytearray, start: int, content: bytes) -> list[tuple[int, bytes]]:
-        """Return what arrives in the block now, of what a client writes."""
+        """Return the part of a client's write that arrives in the block now."""
         plc, now = self._plc, self._plc.intervals
         if plc.link("half-taken") is not None:
             content = content[: len(content) // 2] + bytes(block[start + len(content) // 2 : start + len(content)])
@@ -387,7 +387,7 @@ class RudeGateway:
         return arriving
 
     def due(self) -> list[tuple[int, bytes]]:
-        """Return what arrives in the block with this interval."""
+        """Return the writes that arrive in the block with this interval."""
         now = self._plc.intervals
         arriving = [each[1:] for each in self._late if each[0] <= now]
         self._late = [each for each in self._late if each[0] > now]
@@ -567,10 +567,10 @@ class VirtualPlc:
         self._there = tuple(fault for fault in self._plan.faults if fault.at(now))
         names = {fault.name for fault in self._there}
         self._change_memory(names)
-        seen = self._sensed(temperature, names)
-        self._seen = (seen, *self._seen[1:])
+        reading = self._sensed(temperature, names)
+        self._seen = (reading, *self._seen[1:])
         self._intervals += 1
-        return self._measured(self._plan.loop.sensor, seen)
+        return self._measured(self._plan.loop.sensor, reading)
 
     def _gate(self) -> None:
         """Tell what is over, and wait until the next interval may begin."""
@@ -594,7 +594,7 @@ class VirtualPlc:
             self.memory.changed.notify_all()
 
     def _sensed(self, temperature: float, names: set[str]) -> float:
-        """Return what the input module is given [°C]."""
+        """Return the temperature at the input module [°C]."""
         if "sensor-frozen" in names:
             self._frozen_at = temperature if math.isnan(self._frozen_at) else self._frozen_at
             return self._frozen_at

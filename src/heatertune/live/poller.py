@@ -232,9 +232,9 @@ class Poller(ClosesOnExit):
             raise LinkDown(f"{self._address.text}: no longer tells its scans")
         if before is not None and before.shown in (0, self._count):
             return None
-        asked = time.monotonic()
-        seen, content = self.read_signals(self._client, self._block)
-        middle = 0.5 * (asked + time.monotonic())
+        start_s = time.monotonic()
+        signals, content = self.read_signals(self._client, self._block)
+        middle = 0.5 * (start_s + time.monotonic())
         if before is not None:
             after = status_of_simulator(self._client)
             whole = after is not None and after.shown == before.shown and (
@@ -242,12 +242,12 @@ class Poller(ClosesOnExit):
             if not whole:
                 self.torn += self._block != OWN
                 return None
-            return self._looked(before.shown, _TURN, seen, first_s=(before.shown - 1) * before.interval_s)
+            return self._looked(before.shown, _TURN, signals, first_s=(before.shown - 1) * before.interval_s)
         counter = self._places.counter
         if counter is None:
-            return Snapshot(middle - self._begun, seen) if self._is_alive() else None
+            return Snapshot(middle - self._begun, signals) if self._is_alive() else None
         scans = int(counter.signal.of(content, self._places.span[0])) % counter.turn
-        return None if scans == self._count else self._looked(scans, counter.turn, seen, first_s=0.0)
+        return None if scans == self._count else self._looked(scans, counter.turn, signals, first_s=0.0)
 
     def _is_alive(self) -> bool:
         """Return whether what was read is of a CPU that runs, and new, as far as anything tells."""

@@ -129,7 +129,7 @@ class _File:
             raise InputError(f"{self._path}: cannot be written: {problem.strerror}") from None
 
     def _left(self) -> str:
-        """Return what a recording has left there; nothing where it is none."""
+        """Return the text that a recording has left there; empty where it is none."""
         try:
             text = read_bytes(self._path).decode(errors="replace")
         except OSError:
@@ -141,7 +141,7 @@ class _File:
         return f", with {len(rows)} rows until {rows[-1].split(',')[0]} s{torn}"
 
     def _checked(self, columns: str) -> str:
-        """Return what the last line lacks; raise InputError where the file is not one to continue."""
+        """Return the text that the last line lacks; raise InputError where the file is not one to continue."""
         try:
             text = read_bytes(self._path).decode(errors="replace")
         except OSError as problem:
@@ -149,14 +149,14 @@ class _File:
         if not text.startswith(MARK):
             raise InputError(f"{self._path}: was not begun by heatertune record; take another name")
         lines = [line for line in without_torn(text, []).split("\n") if line and not line.startswith("#")]
-        found = lines[0] if lines else None
-        if found is not None and found != columns:
-            raise InputError(f"{self._path}: has the columns {found}; now they would be {columns}")
+        first_line = lines[0] if lines else None
+        if first_line is not None and first_line != columns:
+            raise InputError(f"{self._path}: has the columns {first_line}; now they would be {columns}")
         try:
             self.last_s = float(lines[-1].split(",")[0]) if len(lines) > 1 else None
         except ValueError:
             raise InputError(f"{self._path}: ends in {lines[-1]!r}; expected a row: {columns}") from None
-        return ("" if text.endswith("\n") else f"{TORN}\n") + (f"{columns}\n" if found is None else "")
+        return ("" if text.endswith("\n") else f"{TORN}\n") + (f"{columns}\n" if first_line is None else "")
 
     def write(self, text: str) -> None:
         """Write at the end, and see that it stands in the file of this name.
@@ -182,7 +182,7 @@ class _File:
             self.notes.append(f"{self._path}: {what} before the recording ended")
 
     def _changed(self) -> str:
-        """Return what others have done to the file since it was written to; nothing where they did nothing."""
+        """Return the changes of others to the file since it was written to; empty where there are none."""
         try:
             there = self._path.stat()
         except (FileNotFoundError, NotADirectoryError):
@@ -220,8 +220,8 @@ class _File:
         content, now = text.encode(), time.monotonic()
         try:
             while content:  # a disk that is nearly full takes a part
-                taken = os.write(self._number, content)
-                self._size, content = self._size + taken, content[taken:]
+                count = os.write(self._number, content)
+                self._size, content = self._size + count, content[count:]
             if now - self._synced > _SYNCED_S:
                 os.fsync(self._number)
                 self._synced = now
@@ -272,24 +272,24 @@ def record(
         LinkError: nobody is there at the beginning; later ones are waited for.
         OutOfRange: a time that is none.
     """
-    given = settings or RecordingSetup()
-    with _looking(address, places, given.timeout_s) as looking:
+    setup = settings or RecordingSetup()
+    with _looking(address, places, setup.timeout_s) as looking:
         columns = ["time_s", *_titles(looking.roles).values()]
         clock = ("this machine's clock" if looking.interval_s is None
                  else f"scans of the PLC, each {looking.interval_s:.9g} s")
         mixed = "" if looking.whole else "; a row may hold quantities of two scans"
-        switched = "" if given.pwm_period_s is None else f"{SWITCHED}{given.pwm_period_s:.9g} s"
+        switched = "" if setup.pwm_period_s is None else f"{SWITCHED}{setup.pwm_period_s:.9g} s"
         heads = f"{MARK}; {address.text}; begun {_now()}; time: {clock}{switched}{mixed}\n{','.join(columns)}\n"
-        with _File(Path(path), heads, given.append) as file:
-            return _Rows(looking, file, given).run(shown, ended, reopen)
+        with _File(Path(path), heads, setup.append) as file:
+            return _Rows(looking, file, setup).run(shown, ended, reopen)
 
 
 def _titles(roles: Iterable[str]) -> dict[str, str]:
     """Return quantity → title of its column, in the order of the columns; those of a zone begin with its name."""
-    known = list(roles)
-    if zones := [key.rpartition(" ") for key in known if " " in key]:
+    role_names = list(roles)
+    if zones := [key.rpartition(" ") for key in role_names if " " in key]:
         return {f"{zone} {role}": f"{zone}_{_UNITS[role]}" for zone, _, role in zones}
-    return {role: _UNITS[role] for role in ROLES if role in known}
+    return {role: _UNITS[role] for role in ROLES if role in role_names}
 
 
 def _looking(
@@ -450,10 +450,10 @@ def record_all(
 
     def one(loop: RecordedLoop) -> None:
         try:
-            told = record(loop.address, folder / loop.file, loop.places, settings, ended=enough,
-                          shown=lambda state: so_far.__setitem__(loop.file, state))
-            if not told.rows:
-                wrong[loop.file] = f"{loop.address.text}: nothing was recorded{_because(told)}"
+            recording = record(loop.address, folder / loop.file, loop.places, settings, ended=enough,
+                               shown=lambda state: so_far.__setitem__(loop.file, state))
+            if not recording.rows:
+                wrong[loop.file] = f"{loop.address.text}: nothing was recorded{_because(recording)}"
         except HeatertuneError as problem:
             wrong[loop.file] = str(problem)
 
@@ -463,7 +463,7 @@ def record_all(
     for thread in threads:
         while thread.is_alive():
             thread.join(_BEAT_S)
-            shown(sum(told.rows for told in list(so_far.values())))
+            shown(sum(recording.rows for recording in list(so_far.values())))
     return wrong
 
 
@@ -494,21 +494,21 @@ def record_addresses(
         InputError: an address that is none, or given twice; a list that is not right, or names another address; a
             folder that is there; no loop could be recorded.
     """
-    told = {} if loops is None else read_list(loops)
-    for address in told:
+    entries = {} if loops is None else read_list(loops)
+    for address in entries:
         if address not in addresses:
             raise InputError(f"{loops}: {address!r} is none of the addresses given")
-    beside = Path() if loops is None else Path(loops).parent
-    found: dict[str, LoopEntry] = {}
+    list_folder = Path() if loops is None else Path(loops).parent
+    table: dict[str, LoopEntry] = {}
     running, wrong = [], {}
     for address in addresses:
-        loop = told.get(address, LoopEntry(name=address, file=address))
-        file = _file_of(loop.name, found)
-        found[file] = replace(
-            loop, file=file, folder=None if loop.folder is None else str((beside / loop.folder).absolute()))
+        loop = entries.get(address, LoopEntry(name=address, file=address))
+        file = _file_of(loop.name, table)
+        table[file] = replace(
+            loop, file=file, folder=None if loop.folder is None else str((list_folder / loop.folder).absolute()))
         where = address_of(address)
         try:
-            running.append(RecordedLoop(file, where, _places(loop, beside)))
+            running.append(RecordedLoop(file, where, _places(loop, list_folder)))
         except HeatertuneError as problem:
             wrong[file] = str(problem)
     if len(set(addresses)) < len(addresses):
@@ -518,10 +518,10 @@ def record_addresses(
     except OSError as problem:
         raise InputError(f"{folder}: cannot be made for the logs: {problem.strerror}") from None
     wrong |= record_all(running, folder, settings, shown=shown, ended=ended)
-    if len(wrong) == len(found):
+    if len(wrong) == len(table):
         raise InputError("no loop was recorded: " + "; ".join(dict.fromkeys(wrong.values())))
-    rows = [{"name": found[file].name, "file": file, "outcome": "no log", "reason": why} for file, why in wrong.items()]
-    return {file: loop for file, loop in found.items() if file not in wrong}, rows
+    rows = [{"name": table[file].name, "file": file, "outcome": "no log", "reason": why} for file, why in wrong.items()]
+    return {file: loop for file, loop in table.items() if file not in wrong}, rows
 
 
 def _file_of(name: str, taken: Mapping[str, object]) -> str:

@@ -85,8 +85,8 @@ class S7Server(Server):  # type: ignore[misc]
     def _get_szl_data(self, szl_id: int, szl_index: int) -> bytes | None:
         """Return a system status list: that of the operating modes, which the library has not, is the virtual PLC's."""
         if szl_id != _MODES:
-            found: bytes | None = super()._get_szl_data(szl_id, szl_index)
-            return found
+            answer: bytes | None = super()._get_szl_data(szl_id, szl_index)
+            return answer
         mode = _RUN if self.cpu_state == CPUState.RUN else _STOP
         return struct.pack(">HH2xBB16x", _MODE_LENGTH, 1, 0xFF, mode)
 

@@ -342,8 +342,8 @@ def virtual_plc(
         OutOfRange, UnknownName: likewise.
     """
     demand_known(changed, [each.name for each in fields(Simulation)])
-    given = replace(settings or Simulation(), **_tuples(changed))
-    for protocol in given.serve:
+    options = replace(settings or Simulation(), **_tuples(changed))
+    for protocol in options.serve:
         demand_library(protocol)  # before anything is made
     if not isinstance(source, Words):
         words, model, made_for = read_folder(source)
@@ -352,11 +352,11 @@ def virtual_plc(
         raise InputError("virtual_plc of words needs a model: virtual_plc(words, model)")
     else:
         words = source
-    plan, block = _prepared(words, model, conditions or Conditions(), given)
-    given = reaching_settings(block, words.target, given)
-    plc = VirtualPlc(plan, block, controller_for(words.target).core.measure, pace_of(given),
-                     dead_man_scans=given.dead_man)
-    return VirtualPlcServed(plc, words.target, plan.loop.scan_s, given, linked=any(map(is_of_link, plan.faults)))
+    plan, block = _prepared(words, model, conditions or Conditions(), options)
+    options = reaching_settings(block, words.target, options)
+    plc = VirtualPlc(plan, block, controller_for(words.target).core.measure, pace_of(options),
+                     dead_man_scans=options.dead_man)
+    return VirtualPlcServed(plc, words.target, plan.loop.scan_s, options, linked=any(map(is_of_link, plan.faults)))
 
 
 def pace_of(settings: Simulation) -> Pace:
@@ -432,10 +432,10 @@ def read_folder(folder: str | Path) -> tuple[Words, FittedModel, Conditions]:
 
 
 def _server_of(protocol: str) -> Callable[[VirtualPlc, socket.socket], Any]:
-    """Return what serves a protocol; only what is served is loaded."""
+    """Return the class of a protocol's server; only the one needed is loaded."""
     module = import_module(f"heatertune.live.{protocol}_server")
-    found: Callable[[VirtualPlc, socket.socket], Any] = getattr(module, f"{protocol.capitalize()}Server")
-    return found
+    server: Callable[[VirtualPlc, socket.socket], Any] = getattr(module, f"{protocol.capitalize()}Server")
+    return server
 
 
 def _listening(port: int) -> socket.socket:

@@ -321,7 +321,7 @@ class _VMemory:
         return own(self._cold)
 
     def _signals(self, degC: tuple[float, float]) -> dict[str, BlockSignal]:
-        """Return what it shows; `degC` are both ends of the sensor."""
+        """Return the shown value; `degC` are both ends of the sensor."""
         raise NotImplementedError
 
     def restarted(self, state: S7200State) -> S7200State:
@@ -436,7 +436,7 @@ class ContCBlock(Laid):
     def run(
         self, cells: bytearray, running: ControllerState, state: ContCState, reading: Number
     ) -> tuple[Any, float, Number, int]:
-        """Return what one call gives; without PVPER_ON the block's reading is PV_IN."""
+        """Return the result of one call; without PVPER_ON the block's reading is PV_IN."""
         if _PVPER_ON.read(cells) or _COM_RST.read(cells):
             return super().run(cells, running, state, reading)
         p, assume = running.parameters

@@ -23,11 +23,11 @@ OWN_LENGTH: Final = STATUS_BYTES.size
 
 
 def _cells() -> dict[str, tuple[int, str]]:
-    found, start = dict[str, tuple[int, str]](), 0
+    cells, start = dict[str, tuple[int, str]](), 0
     for name, code in _FORMATS.items():
-        found[name] = start, f">{code}"
+        cells[name] = start, f">{code}"
         start += struct.calcsize(f">{code}")
-    return found
+    return cells
 
 
 #: name → its first byte in that block, and its format as `struct` has it

@@ -43,11 +43,11 @@ class AsideServer:
         self._ready.wait()
 
     def serving(self) -> AbstractAsyncContextManager[None]:
-        """Return what serves while it is open."""
+        """Return the server, which serves while it is open."""
         raise NotImplementedError
 
     def connections(self, factory: Any) -> Any:
-        """Return what makes the protocol of each connection, in place of the library's factory."""
+        """Return the factory of each connection's protocol, in place of the library's."""
         return factory
 
     def stop(self) -> None:

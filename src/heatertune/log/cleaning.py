@@ -51,17 +51,17 @@ def rows_to_keep(sheet: Sheet, columns: Columns, time: Array, repairs: list[str]
         raise cell_error(sheet, columns, "time", row, "the time goes backwards:",
                          f"not before {before}{_put_back_repeats(steps)}")
     dropped = np.flatnonzero(steps == 0) + 1
-    kept = np.ones(len(time), dtype=np.bool_)
-    kept[dropped] = False
+    selection = np.ones(len(time), dtype=np.bool_)
+    selection[dropped] = False
     if not len(dropped):
-        return kept, 0
-    firsts = np.flatnonzero(kept)[np.cumsum(kept)[dropped] - 1]
+        return selection, 0
+    firsts = np.flatnonzero(selection)[np.cumsum(selection)[dropped] - 1]
     other = _otherwise(sheet, columns, dropped, firsts)
     if other:
         _demand_one_heater(sheet, columns, dropped, firsts, other)
     note = f"{count(len(dropped), 'row')} at the time of the row before dropped ({_lines(sheet, dropped)})"
     repairs.append(f"{note}; {len(other)} of them with another reading." if other else f"{note}.")
-    return kept, len(dropped) - len(other)
+    return selection, len(dropped) - len(other)
 
 
 def _lines(sheet: Sheet, rows: npt.NDArray[np.intp], role: str = "") -> str:
@@ -106,10 +106,10 @@ _LARGEST_STEP: Final = 0.05  # of the range
 
 def _zigzags(sheet: Sheet, columns: Columns, later: Rows) -> bool:
     """Return whether the rows of one instant are of several sensors: their readings differ as much as the log's."""
-    known = sheet.columns[columns.index["temperature"]].numbers(
+    temperatures = sheet.columns[columns.index["temperature"]].numbers(
         lambda cell: float(cell) if is_number(cell) and "," not in cell else np.nan)
-    steps = np.abs(known[later] - known[later - 1])
-    return bool(np.nanmedian(steps) > _LARGEST_STEP * (np.nanmax(known) - np.nanmin(known)))
+    steps = np.abs(temperatures[later] - temperatures[later - 1])
+    return bool(np.nanmedian(steps) > _LARGEST_STEP * (np.nanmax(temperatures) - np.nanmin(temperatures)))
 
 
 def _is_even(counts: npt.NDArray[np.intp], lengths: Array) -> bool:
@@ -253,8 +253,8 @@ def without_unset_clock(sheet: Sheet, time: Array, repairs: list[str]) -> tuple[
         return sheet, time
     repairs.append(f"{count(first, 'row')} before the clock was set left out (up to line "
                    f"{sheet.line_name(first - 1)}).")
-    kept = sheet.at_rows(slice(first, None))
-    return replace(kept, lost=kept.lost + first), time[first:] - time[first]
+    remainder = sheet.at_rows(slice(first, None))
+    return replace(remainder, lost=remainder.lost + first), time[first:] - time[first]
 
 
 _MOST_BACK: Final = 5.0  # intervals by which a row may be late in its file
@@ -367,14 +367,14 @@ def no_readings(sheet: Sheet, columns: Columns, raw: Array, time: Array, repairs
     """
     empty = np.isnan(raw) & ~edges
     is_open = _is_open(raw)
-    kept = np.flatnonzero(~(empty | is_open | edges))
+    good_rows = np.flatnonzero(~(empty | is_open | edges))
     stuck = np.zeros_like(empty)
-    stuck[kept[_stuck(raw[kept], time[kept])]] = True
+    stuck[good_rows[_stuck(raw[good_rows], time[good_rows])]] = True
     lost = empty | is_open | stuck
     loose = np.zeros_like(lost)
-    kept = np.flatnonzero(~(lost | edges))
+    good_rows = np.flatnonzero(~(lost | edges))
     if moves is not None:
-        loose[kept[_loose(raw[kept], time[kept], moves[kept])]] = True
+        loose[good_rows[_loose(raw[good_rows], time[good_rows], moves[good_rows])]] = True
     lost |= loose
     refused = (lost & ~empty if skip_empty else lost) & ~loose
     if np.count_nonzero(refused) > _MOST_LOST * len(raw) or np.all(lost):
@@ -385,11 +385,11 @@ def no_readings(sheet: Sheet, columns: Columns, raw: Array, time: Array, repairs
             sheet, columns)
         raise cell_error(sheet, columns, "temperature", row, problem, f"a log with a reading in nine rows of ten{way}")
     spikes = np.zeros_like(lost)
-    kept = np.flatnonzero(~(lost | edges))
-    spikes[kept[_spikes(raw[kept])]] = True
+    good_rows = np.flatnonzero(~(lost | edges))
+    spikes[good_rows[_spikes(raw[good_rows])]] = True
     ends = np.zeros_like(lost)
-    kept = np.flatnonzero(~(lost | spikes | edges))
-    ends[kept[_wild_ends(raw[kept], time[kept])]] = True
+    good_rows = np.flatnonzero(~(lost | spikes | edges))
+    ends[good_rows[_wild_ends(raw[good_rows], time[good_rows])]] = True
     kinds = ((empty, "without a reading"), (is_open, "with an open sensor's reading"),
              (stuck, _FAR_VALUE),
              (loose, "between two opposite jumps, as of a loose probe,"),
@@ -413,12 +413,12 @@ def _is_open(raw: Array) -> Mask:
     A heater that passes such a value comes from one side and goes on to the other, in steps as the log has them.
     """
     there = np.isin(raw, _OPEN)
-    known = np.flatnonzero(~there & ~np.isnan(raw))
-    steps = np.abs(np.diff(raw[known]))
+    finite_rows = np.flatnonzero(~there & ~np.isnan(raw))
+    steps = np.abs(np.diff(raw[finite_rows]))
     usual = 3.0 * float(np.percentile(steps[steps > 0.0], 95.0)) if np.any(steps) else 0.0
-    for place in np.flatnonzero(there) if len(known) else []:
-        after = int(np.searchsorted(known, place))
-        ends = raw[known[[max(after - 1, 0), min(after, len(known) - 1)]]]
+    for place in np.flatnonzero(there) if len(finite_rows) else []:
+        after = int(np.searchsorted(finite_rows, place))
+        ends = raw[finite_rows[[max(after - 1, 0), min(after, len(finite_rows) - 1)]]]
         passes = min(ends) < raw[place] < max(ends) and np.abs(ends - raw[place]).max() <= usual
         there[place] = not passes
     return there
@@ -528,9 +528,9 @@ def _wild_ends(values: Array, time: Array) -> list[int]:
     for order in (np.arange(n), np.arange(n)[::-1]):
         y, t = values[order], time[order]
         steps, pauses = np.abs(np.diff(y)), np.abs(np.diff(t))
-        held = int(np.argmax(y != y[0]))
-        starts = bool(y[0] in _STARTS and 0 < held <= max(_LONGEST_SPIKE, _MOST_LOST * n))
-        width = held if starts else int(np.argmax(steps[:_LONGEST_SPIKE])) + 1
+        first_change = int(np.argmax(y != y[0]))
+        starts = bool(y[0] in _STARTS and 0 < first_change <= max(_LONGEST_SPIKE, _MOST_LOST * n))
+        width = first_change if starts else int(np.argmax(steps[:_LONGEST_SPIKE])) + 1
         core = y[max(width, _LONGEST_SPIKE):]
         usual = 1.4826 * float(np.median(np.abs(core[1:-1] - (core[:-2] + core[2:]) / 2.0)))
         least = max(_SPIKE_TIMES * usual, _SPIKE_SHARE * float(np.ptp(core)))
@@ -550,11 +550,11 @@ def tell_gaps(time: Array, lines: npt.NDArray[np.intp], powered: bool, doubts: l
         return
     places = ", ".join(f"{steps[k]:g} s after line {lines[k]}" for k in gaps[:_SHOWN])
     more = f" and {len(gaps) - _SHOWN} more" if len(gaps) > _SHOWN else ""
-    held = "; the power is assumed constant in them" if powered else ""
+    assumption = "; the power is assumed constant in them" if powered else ""
     usual = float(np.median(steps))
     forward = len(gaps) == 1 and abs(float(steps[gaps[0]]) - _HOUR_S - usual) <= max(0.1 * usual, 1.0)
     hour = f"; where the clock was put forward by an hour, --log-interval {usual:g} counts the rows" if forward else ""
-    doubts.append(f"The log has {count(len(gaps), 'gap')} ({places}{more}){held}{hour}.")
+    doubts.append(f"The log has {count(len(gaps), 'gap')} ({places}{more}){assumption}{hour}.")
 
 
 def _places(sheet: Sheet, raw: Array, mask: Mask) -> str:

@@ -295,9 +295,9 @@ def _by_numbers(sheet: Sheet, index: dict[str, int], absent: set[str], notes: li
     if "temperature" not in index and len(free) == 1 and levels[free[0]] > _SWITCHED:
         index["temperature"] = free[0]
     elif "temperature" not in index and len(free) == 2 and not {"power"} & {*index, *absent}:
-        held, moving = sorted(free, key=lambda i: levels[i])
-        if levels[held] * 4 < levels[moving]:
-            index |= {"power": held, "temperature": moving}
+        constant, moving = sorted(free, key=lambda i: levels[i])
+        if levels[constant] * 4 < levels[moving]:
+            index |= {"power": constant, "temperature": moving}
     places = ", ".join(f"{role} = column {i + 1}" for role, i in sorted(index.items(), key=lambda pair: pair[1]))
     notes.append(f"The file has no header; by their numbers: {places}.")
 
@@ -591,21 +591,21 @@ def _from_numbers(sheet: Sheet, columns: Columns, unit: str | None, repairs: lis
     if unit is None and (clock_s := clocks_in_digits(values)) is not None:
         repairs.append("The digits of the time are times of day and were converted to seconds.")
         return LogSignal(past_midnight(clock_s - clock_s[0], repairs), "stamps", "stamps")
-    named = columns.unit("time")
+    label = columns.unit("time")
     epoch = next(((name, length) for least, name, length in _EPOCHS if values[0] > least), None)
-    if unit is None and epoch is not None and named in (None, "ms", epoch[0]) and not columns.is_foreign("time"):
+    if unit is None and epoch is not None and label in (None, "ms", epoch[0]) and not columns.is_foreign("time"):
         since = "1970" if epoch[0] in TIME_UNITS else "1601 or the year 1"
         repairs.append(f"The time is in {epoch[0]} since {since} by its digits and was counted from the first row.")
         return LogSignal((values - values[0]) * epoch[1], epoch[0], epoch[0])
-    if unit is None and (columns.is_foreign("time") or epoch is not None or _are_days(values, named)):
+    if unit is None and (columns.is_foreign("time") or epoch is not None or _are_days(values, label)):
         raise cell_error(sheet, columns, "time", 0, "a time in an unknown unit:", _EXPECTED_UNIT)
     if unit in CLOCK_UNITS:
         raise cell_error(sheet, columns, "time", 0, f"a number, not {unit}:", _EXPECTED_UNIT)
-    time_unit = unit or named or "s"
+    time_unit = unit or label or "s"
     if time_unit != "s":
         repairs.append(f"The time is in {time_unit} {'as stated' if unit else 'by its name'} and was converted to "
                        "seconds.")
-    assumed = unit is None and not _is_calendar(values) and (named is None or is_scaled("time", columns.names["time"]))
+    assumed = unit is None and not _is_calendar(values) and (label is None or is_scaled("time", columns.names["time"]))
     if assumed and time_unit == "s":
         likely = likely_time_unit(values)
         other = "" if likely == "s" else f"; its interval makes {likely} likelier"

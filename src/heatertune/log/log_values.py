@@ -255,8 +255,8 @@ class LogSignal(NamedTuple):
         time = self.time_s[inside]
         if len(time) and time[0] == start_s:
             return self._replace(time_s=time, values=self.values[inside])
-        held = self.at(np.array([start_s]))
-        return self._replace(time_s=np.append(start_s, time), values=np.append(held, self.values[inside]))
+        initial_value = self.at(np.array([start_s]))
+        return self._replace(time_s=np.append(start_s, time), values=np.append(initial_value, self.values[inside]))
 
 
 ABSOLUTE_ZERO_DEGC = -273.15
@@ -318,16 +318,16 @@ class Log(NotebookDisplay):
         cooling_gain: float = 0.0,
         time_s: Array | None = None, **rows: Array | None,
     ) -> None:
-        held = dict(signals or {})
-        time = held["temperature"].time_s if time_s is None else time_s
+        signal_map = dict(signals or {})
+        time = signal_map["temperature"].time_s if time_s is None else time_s
         for column, values in rows.items():
             if column not in ROWS:
                 raise TypeError(f"Log() got an unexpected keyword argument {column!r}")
-            held.pop(ROWS[column], None)
+            signal_map.pop(ROWS[column], None)
             if values is not None:
                 signal = (signals or {}).get(ROWS[column], LogSignal(values))
-                held[ROWS[column]] = signal._replace(values=values, time_s=time)
-        attributes = {"name": name, "source": source, "signals": _frozen_signals(held, cooling_gain),
+                signal_map[ROWS[column]] = signal._replace(values=values, time_s=time)
+        attributes = {"name": name, "source": source, "signals": _frozen_signals(signal_map, cooling_gain),
                       "repairs": repairs, "warnings": warnings, "same_heater": same_heater, "taken": taken,
                       "rests_at_degC": rests_at_degC, "output_limit_pct": output_limit_pct,
                       "pwm_period_s": pwm_period_s, "cooling_gain": cooling_gain}
@@ -396,9 +396,9 @@ class Log(NotebookDisplay):
             InputError: a column named here that does not exist.
             OutOfRange: as the class says.
         """
-        names = (time, temperature, *(named for named, usual in ((power, "power_pct"), (setpoint, "setpoint_degC"))
-                                      if named != usual))
-        missing = [named for named in names if named is not None and named not in frame]
+        names = (time, temperature, *(header for header, usual in ((power, "power_pct"), (setpoint, "setpoint_degC"))
+                                      if header != usual))
+        missing = [header for header in names if header is not None and header not in frame]
         if missing:
             raise InputError(f"{name}: no column {missing[0]!r}; there are {', '.join(map(str, frame.columns))}")
         when = frame[time or "time_s"] if time or "time_s" in frame else frame.index

@@ -228,10 +228,10 @@ def without_blank_power(sheet: Sheet, columns: Columns, time: Array, repairs: li
     how = ("is written where it changes", "has rows of its own")[own_rows]
     repairs.append(f"The power {how}; it was held through {count(len(cells) - len(written) - first, 'row')}.")
     edge = np.isin(np.arange(len(cells)), written)
-    held = sheet.at_rows(slice(first, None)).with_column(place, cells.at_rows(last))
+    filled_sheet = sheet.at_rows(slice(first, None)).with_column(place, cells.at_rows(last))
     if sheet.power_lines is not None:
-        held = replace(held, power_lines=sheet.power_lines[last])
-    return held, time[first:], (blank & edge)[first:]
+        filled_sheet = replace(filled_sheet, power_lines=sheet.power_lines[last])
+    return filled_sheet, time[first:], (blank & edge)[first:]
 
 
 _SHORTEST_HOLD, _LONGEST_HOLD = 3, 60  # rows
@@ -247,7 +247,7 @@ def held_readings(readings: Array) -> Mask:
     Args:
         readings: shape (n,), NaN where there is none.
     """
-    held = np.zeros(len(readings), dtype=np.bool_)
+    repeats = np.zeros(len(readings), dtype=np.bool_)
     changes = np.flatnonzero(np.diff(readings) != 0.0) + 1
     few = int(2.0 * (1.0 - _AT_BEGIN) * len(changes)) + 1  # two rows written anew for each change elsewhere
     longest = min(_LONGEST_HOLD, np.partition(np.diff(changes), few)[few]) if len(changes) >= _FEWEST else 0
@@ -255,9 +255,9 @@ def held_readings(readings: Array) -> Mask:
         phases = np.bincount(changes % length, minlength=length)
         begin = int(phases.argmax())
         if phases[begin] > max(_AT_BEGIN * len(changes), _CHANGED * len(readings) / length):
-            held[begin:] = (np.arange(begin, len(readings)) - begin) % length != 0
-            held[1:begin] = True
-    return held
+            repeats[begin:] = (np.arange(begin, len(readings)) - begin) % length != 0
+            repeats[1:begin] = True
+    return repeats
 
 
 _NEAR_STALE: Final = 12  # steps on each side, by which the noise is judged
@@ -411,9 +411,9 @@ def _values(cells: CellColumn) -> Array:
 
 def _tells(sheet: Sheet, i: int, values: Array) -> bool:
     """Return whether two heaters have readings in a column, by name or on curves of their own."""
-    known = np.flatnonzero(np.isfinite(values))
-    codes = _codes(sheet.columns[i], _labels(sheet.columns[i]))[known]
-    values, numbers = values[known], np.unique(codes, return_counts=True)[1]
+    finite_rows = np.flatnonzero(np.isfinite(values))
+    codes = _codes(sheet.columns[i], _labels(sheet.columns[i]))[finite_rows]
+    values, numbers = values[finite_rows], np.unique(codes, return_counts=True)[1]
     if np.count_nonzero(numbers >= _FEWEST_EACH) < 2:
         return False
     if _is_named(sheet, i):
@@ -457,12 +457,12 @@ def demand_one_heater_by_turns(sheet: Sheet, columns: Columns) -> None:
     jump = float(np.quantile(np.abs(np.diff(values)), _JUMPING))
     lags = [float(np.mean(np.abs(values[lag:] - values[:-lag]))) for lag in range(2, _MOST_TURNS + 1)]
     limit = _OF_SPAN * float(np.ptp(values))
-    found = next((lag for lag, mean in enumerate(lags, start=2) if jump > max(_APART * mean, limit)), None)
-    if found is not None:
+    turns = next((lag for lag, mean in enumerate(lags, start=2) if jump > max(_APART * mean, limit)), None)
+    if turns is not None:
         raise LogError(
-            f"the temperature jumps back and forth, as where {found} heaters or sensors have rows in turns",
+            f"the temperature jumps back and forth, as where {turns} heaters or sensors have rows in turns",
             file=sheet.file, column=columns.names["temperature"],
-            expected=f'--tag "1 of {found}" or another to read the rows of one, or --tag-column none if all are of one')
+            expected=f'--tag "1 of {turns}" or another to read the rows of one, or --tag-column none if all are of one')
 
 
 def turn_of(tag: str | None) -> tuple[int, int] | None:

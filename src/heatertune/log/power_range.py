@@ -156,12 +156,12 @@ def power_of(sheet: Sheet, columns: Columns, value: float | None, repairs: list[
         return LogSignal(_percent_between(values, _MILLIAMPERES), repr(20.0), "4…20", "off at 4 mA in a room",
                          levels=_MILLIAMPERES)
     highest = float(np.max(np.abs(values)))
-    named = None if is_scaled("power", columns.names["power"]) else columns.unit("power")
-    if named == "27648" and highest <= _PERCENT_FULL:
-        named = None  # a column of that name that was converted
-    if named == "100" and "power" not in columns.units and 0.0 < highest <= 1.0:
-        named = None  # a column named in percent that holds shares, as a spreadsheet exports it
-    full_scale = value or (float(named) if named else _assumed(sheet, columns, values, repairs, doubts, others))
+    label = None if is_scaled("power", columns.names["power"]) else columns.unit("power")
+    if label == "27648" and highest <= _PERCENT_FULL:
+        label = None  # a column of that name that was converted
+    if label == "100" and "power" not in columns.units and 0.0 < highest <= 1.0:
+        label = None  # a column named in percent that holds shares, as a spreadsheet exports it
+    full_scale = value or (float(label) if label else _assumed(sheet, columns, values, repairs, doubts, others))
     if full_scale != 100.0:
         repairs.append(f"The power was divided by its reading at full power, {full_scale:g}.")
     values = _two_way(sheet, columns, values, full_scale, repairs)
@@ -173,7 +173,7 @@ def power_of(sheet: Sheet, columns: Columns, value: float | None, repairs: list[
         evidence = EXPLICIT if value or _is_two_way(columns.names["power"]) else ""
         shown += ", it cools below 0" + (
             "" if evidence else f" (off at {-full_scale:g}: --power-levels {-full_scale:g} {full_scale:g})")
-    elif not (value or named):
+    elif not (value or label):
         evidence = _evidence(columns.names["power"], values, full_scale)
     likely = "255" if _PWM.search(columns.names["power"]) else "100"
     return LogSignal(percent, repr(full_scale), shown, evidence, likely)
@@ -266,10 +266,10 @@ def _assumed(sheet: Sheet, columns: Columns, values: Array, repairs: list[str], 
     zeros = _live_zeros(unit, values)
     if zeros and (why is None or columns.is_foreign("power")) and (columns.is_foreign("power") or _reaches_ends(
             values, zeros[0])):
-        asked = " or ".join(f"--power-levels {low:g} {high:g}" for low, high in zeros)
+        remedies = " or ".join(f"--power-levels {low:g} {high:g}" for low, high in zeros)
         raise LogError(f"a power from {float(np.min(values)):g} to {largest:g} {why or 'may be percent'}, or a "
                        "signal with a live zero", file=sheet.file, column=name,
-                       expected=f"{asked} for such a signal, --power-full-scale with the reading at full power if "
+                       expected=f"{remedies} for such a signal, --power-full-scale with the reading at full power if "
                                 "it is 0 without power, or --power-column none")
     if why:
         is_in_watts = _WATTS.search(unit) is not None

@@ -166,10 +166,10 @@ def demand_one_unit(file: str, role: str, name: str, borne: str) -> None:
     Raises:
         LogError: the units differ.
     """
-    named, own = unit_in_name(role, name) if name else None, unit_in_name(role, f"[{borne}]")
-    if named is not None and own is not None and named != own:
+    header_unit, own = unit_in_name(role, name) if name else None, unit_in_name(role, f"[{borne}]")
+    if header_unit is not None and own is not None and header_unit != own:
         option = {"power": "--power-full-scale", "time": "--time-unit"}.get(role, "--temperature-unit")
-        raise LogError(f"a column named in {named} whose cells are in", file=file, column=name, value=borne,
+        raise LogError(f"a column named in {header_unit} whose cells are in", file=file, column=name, value=borne,
                        expected=f"one unit, or {option} {own} if the cells are right")
 
 
@@ -229,12 +229,12 @@ def usual_form(cell: str) -> str:
     wrapped = _WRAPPED.fullmatch(cell)
     text = (cell if wrapped is None else next(filter(None, wrapped.groups()), "")).translate(_FORMS).strip()
     text = text if _SIGNED.match(text) is None else _SIGNED.sub(r"\1", text, count=1)
-    if found := _ACCOUNTANTS.fullmatch(text):
-        text = f"-{found[1]}"
-    if found := _SPACED.fullmatch(text):
-        text = found[1].replace(" ", "").replace("'", "") + (found[2] or "")
-    elif found := _FORTRAN.fullmatch(text):
-        text = f"{found[1]}E{found[2]}"
+    if match := _ACCOUNTANTS.fullmatch(text):
+        text = f"-{match[1]}"
+    if match := _SPACED.fullmatch(text):
+        text = match[1].replace(" ", "").replace("'", "") + (match[2] or "")
+    elif match := _FORTRAN.fullmatch(text):
+        text = f"{match[1]}E{match[2]}"
     elif _HEXADECIMAL.fullmatch(text):
         text = str(int(text, 16))
     return text if wrapped is not None or is_number(text) or is_quantity(text) or stamp(text) is not None else cell
@@ -286,7 +286,7 @@ def _without_groups(cells: CellColumn, *, decimal_commas: bool | None = None) ->
 def _goes_on(cells: Sequence[str], mark: str, decimal_mark: str) -> bool:
     """Return whether numbers without a mark, up to 999, and those with it follow each other as thousands."""
     like = re.compile(r"([+-]?[\d.,]+)" + re.escape(re.sub(r"[+-]?[\d.,]+", "", cells[0], count=1)))  # of one unit
-    figures = [found[1] for cell in cells if (found := like.fullmatch(cell)) is not None]
+    figures = [match[1] for cell in cells if (match := like.fullmatch(cell)) is not None]
     if len(figures) < len(cells) or not any(mark not in figure for figure in figures):
         return False
     try:
@@ -503,13 +503,13 @@ _SIZES: Final = {"W": ("W", 1.0), "kW": ("W", 1e3), "V": ("V", 1.0), "mV": ("V",
 
 def _in_base_unit(cells: CellColumn) -> tuple[CellColumn, str] | None:
     """Return numbers in one unit of cells whose units differ in size alone, 850 W and 1.2 kW; None of other cells."""
-    found = {cell: _QUANTITY.fullmatch(cell) for cell in cells.kinds() if not says_nothing(cell)}
-    units = {cell: "" if match is None else match[2] for cell, match in found.items()}
+    matches = {cell: _QUANTITY.fullmatch(cell) for cell in cells.kinds() if not says_nothing(cell)}
+    units = {cell: "" if match is None else match[2] for cell, match in matches.items()}
     if len({*units.values()}) < _TWO or len({_SIZES.get(unit, (unit,))[0] for unit in units.values()}) > 1:
         return None
 
     def sized(cell: str) -> str:
-        match = found.get(cell)
+        match = matches.get(cell)
         return cell if match is None else f"{float(match[1].replace(',', '.')) * _SIZES[match[2]][1]:.12g}"
 
     return cells.map(sized), _SIZES[next(iter(units.values()))][0]
@@ -520,9 +520,9 @@ _TWO: Final = 2
 
 def _common_unit(cells: CellColumn, *, lenient: bool) -> str:
     """Return the unit of all cells that hold something, `lenient` but for a few words, "" where they differ."""
-    found = {cell: _QUANTITY.fullmatch(cell) for cell in cells.kinds() if not says_nothing(cell)}
-    units = {match[2].strip() for match in found.values() if match is not None}
-    strange = {cell for cell, match in found.items() if match is None}
+    matches = {cell: _QUANTITY.fullmatch(cell) for cell in cells.kinds() if not says_nothing(cell)}
+    units = {match[2].strip() for match in matches.values() if match is not None}
+    strange = {cell for cell, match in matches.items() if match is None}
     if len(units) != 1 or any(map(is_number, strange)) or (
             strange and np.count_nonzero(cells.where(strange.__contains__)) > lenient * _MOST_WORDS * len(cells)):
         return ""
@@ -622,9 +622,9 @@ def _smoothest_join(file: Path, sample: Sequence[Sequence[str]], count: int, wid
         return ()
     best, *others = sorted(rough, key=lambda columns: rough[columns])
     if others and rough[best] > _CLEARLY * rough[others[0]]:
-        asked = " or ".join("--decimal-comma " + ",".join(str(i + 1) for i in each) for each in (best, *others[:2]))
+        remedies = " or ".join("--decimal-comma " + ",".join(str(i + 1) for i in each) for each in (best, *others[:2]))
         raise LogError("commas both separate the cells and mark decimals", file=file,
-                       expected=f"{asked}; or a file with semicolons")
+                       expected=f"{remedies}; or a file with semicolons")
     return best
 
 

@@ -219,71 +219,71 @@ def read_log(source: str | Path | IO[Any] | DataFrame, settings: ReadSettings | 
         LogError: content that cannot be interpreted, with file, line, column and value.
         UnknownName: a unit that does not exist.
     """
-    asked = merge_options(ReadSettings, settings, changed, also=("settings", "content", "power_content"))
+    options = merge_options(ReadSettings, settings, changed, also=("settings", "content", "power_content"))
     if not isinstance(source, str | Path):
         source, content = _handed(source)
-    named = isinstance(source, str) and source.lower() in BUILT_IN and content is None
-    table = built_in(str(source).lower()) if named else None
-    sheet, doubts = _opened(Path(source), table, content, asked)
-    sheet, asked = _with_power_log(sheet, asked, power_content)
-    sheet, asked = with_switch(sheet, asked)
-    tagged, sheet, columns = _placed(sheet, asked)
-    sheet, columns = with_one_unit(sheet, columns, asked.power_full_scale)
+    is_built_in = isinstance(source, str) and source.lower() in BUILT_IN and content is None
+    table = built_in(str(source).lower()) if is_built_in else None
+    sheet, doubts = _opened(Path(source), table, content, options)
+    sheet, options = _with_power_log(sheet, options, power_content)
+    sheet, options = with_switch(sheet, options)
+    tagged, sheet, columns = _placed(sheet, options)
+    sheet, columns = with_one_unit(sheet, columns, options.power_full_scale)
     repairs = [*sheet.repairs, *columns.notes]
-    if asked.sample_time_s is None:
+    if options.sample_time_s is None:
         sheet = without_strays(sheet, columns, repairs)
-    clock = seconds(sheet, columns, asked.time_unit, asked.sample_time_s, repairs)
+    clock = seconds(sheet, columns, options.time_unit, options.sample_time_s, repairs)
     sheet, time = forwards(sheet, clock.values, repairs)
     sheet, time = in_order(*without_unset_clock(sheet, time, repairs), repairs)
-    sheet, time, chosen_run = one_run(sheet, columns, time, asked.run, repairs)
+    sheet, time, chosen_run = one_run(sheet, columns, time, options.run, repairs)
     time = spread_instants(sheet, columns, time, repairs)
     sheet, time, edges = without_blank_power(sheet, columns, time, repairs)
     sheet, time, edges = without_unreadable_power(sheet, columns, time, edges, repairs)
-    raw, edges, held_rows = _readings(sheet, columns, edges, repairs, skip_empty=asked.skip_empty)
-    kept, repeats = rows_to_keep(sheet, columns, time, repairs)
-    kept &= ~(held_rows | no_readings(sheet, columns, raw, time, repairs, edges=edges, skip_empty=asked.skip_empty,
-                                      moves=power_moves(sheet, columns)))
-    raw *= asked.temperature_scale or 1.0
-    unit = _temperature_unit(sheet, columns, asked, raw[kept & ~edges], repairs, doubts)
-    setpoint, filled = _setpoint(sheet, columns, unit.unit, asked.temperature_scale or 1.0, repairs)
-    disturbance, held = _disturbance(sheet, columns, repairs)
-    temperature = _in_degC(sheet, columns, "temperature", unit.unit, raw, kept)
-    power = power_of(sheet, columns, asked.power_full_scale, repairs, doubts, levels=asked.power_levels,
-                     temperature_degC=np.where(kept, temperature, np.nan),
+    raw, edges, held_rows = _readings(sheet, columns, edges, repairs, skip_empty=options.skip_empty)
+    valid, repeats = rows_to_keep(sheet, columns, time, repairs)
+    valid &= ~(held_rows | no_readings(sheet, columns, raw, time, repairs, edges=edges, skip_empty=options.skip_empty,
+                                       moves=power_moves(sheet, columns)))
+    raw *= options.temperature_scale or 1.0
+    unit = _temperature_unit(sheet, columns, options, raw[valid & ~edges], repairs, doubts)
+    setpoint, filled = _setpoint(sheet, columns, unit.unit, options.temperature_scale or 1.0, repairs)
+    disturbance, filled_disturbance = _disturbance(sheet, columns, repairs)
+    temperature = _in_degC(sheet, columns, "temperature", unit.unit, raw, valid)
+    power = power_of(sheet, columns, options.power_full_scale, repairs, doubts, levels=options.power_levels,
+                     temperature_degC=np.where(valid, temperature, np.nan),
                      others=_assumed({"time": clock, "temperature": unit}).values())
     every: dict[str, LogSignal | None] = {
         "time": clock._replace(values=time), "temperature": unit._replace(values=temperature),
         "power": _with_cooling(sheet, columns, power, repairs), "setpoint": setpoint, "disturbance": disturbance,
         "ambient": _setpoint(sheet, columns, unit.unit, 1.0, repairs, role="ambient")[0]}
     signals, continued = _on_own_clocks(
-        {role: signal._replace(values=signal.values[kept]) for role, signal in every.items() if signal is not None},
-        edges[kept], tagged.lost_s, repairs, recorded=sheet.recorded, power_every_s=sheet.power_every_s)
-    tell_gaps(signals["time"].values, np.abs(sheet.lines)[kept][continued], "power" in signals, doubts)
-    taken = taken_of(
+        {role: signal._replace(values=signal.values[valid]) for role, signal in every.items() if signal is not None},
+        edges[valid], tagged.lost_s, repairs, recorded=sheet.recorded, power_every_s=sheet.power_every_s)
+    tell_gaps(signals["time"].values, np.abs(sheet.lines)[valid][continued], "power" in signals, doubts)
+    summary = taken_of(
         table.name if table else display_name(Path(source).name), sheet, columns, tagged, signals=signals,
-        stated=stated_units(asked), counts=RowCounts(
-            read=len(time), repeats=repeats, filled=filled + held, used=int((kept | held_rows).sum())),
-        options={"sample_time_s": asked.sample_time_s, "run": chosen_run, "skip_empty": asked.skip_empty,
-                 "errata": asked.errata, "skip_rows": max(asked.skip_rows, sheet.above),
-                 "temperature_scale": asked.temperature_scale, "decimal_comma": asked.decimal_comma,
-                 "tag": sheet.part or None, "power_log": asked.power_log, "power_on": asked.power_on})
-    return _log(source, table, sheet, signals, tuple(repairs), tuple(doubts), taken)
+        stated=stated_units(options), counts=RowCounts(
+            read=len(time), repeats=repeats, filled=filled + filled_disturbance, used=int((valid | held_rows).sum())),
+        options={"sample_time_s": options.sample_time_s, "run": chosen_run, "skip_empty": options.skip_empty,
+                 "errata": options.errata, "skip_rows": max(options.skip_rows, sheet.above),
+                 "temperature_scale": options.temperature_scale, "decimal_comma": options.decimal_comma,
+                 "tag": sheet.part or None, "power_log": options.power_log, "power_on": options.power_on})
+    return _log(source, table, sheet, signals, tuple(repairs), tuple(doubts), summary)
 
 
 def _placed(sheet: Sheet, settings: ReadSettings) -> tuple[TagTable, Sheet, Columns]:
     """Return which tags were selected, the cells, and which column is what."""
     columns_of = {role: getattr(settings, f"{role}_column") for role in (*ROLES, *SIDE_ROLES)}
-    wanted = {role: column for role, column in columns_of.items() if column is not None}
+    column_names = {role: column for role, column in columns_of.items() if column is not None}
     tags = TagSelection(
         temperature=None if sheet.part else settings.tag, power=settings.power_tag, setpoint=settings.setpoint_tag,
         column=settings.tag_column, quality=settings.quality_column, value=settings.temperature_column,
         time=settings.time_column, date=settings.date_column)
     tagged = by_tags(sheet, tags, settings.time_unit)
     if tagged.is_long:
-        _demand_no_sides(sheet, wanted, tagged.unused)
+        _demand_no_sides(sheet, column_names, tagged.unused)
     sheet = plain_cells(tagged.sheet, settings.decimal_comma) if tagged.is_long else tagged.sheet
     columns = find_columns(
-        sheet, tagged.wanted or wanted, counted=settings.sample_time_s is not None, stated=stated_units(settings))
+        sheet, tagged.wanted or column_names, counted=settings.sample_time_s is not None, stated=stated_units(settings))
     demand_one_form(sheet, columns, settings.decimal_comma)
     sheet = rows_of_one_heater(sheet, columns, settings, is_long=tagged.is_long)
     sheet, columns = with_clock_parts(*with_dates(sheet, columns, None if tagged.is_long else settings.date_column))
@@ -335,21 +335,21 @@ def _readings(sheet: Sheet, columns: Columns, edges: Mask, repairs: list[str], *
         edges | ~sheet.columns[columns.index["temperature"]].where(says_nothing)))
     raw = numbers(sheet, columns, "temperature", holes=skip_empty or explained,
                   blank="a number (--skip-empty leaves such rows out)", lenient=True)
-    known = np.flatnonzero(~np.isnan(raw))
+    finite_rows = np.flatnonzero(~np.isnan(raw))
     between = np.zeros(len(raw), dtype=np.bool_)
-    if len(known):
-        between[known[0]:known[-1]] = np.isnan(raw[known[0]:known[-1]])
-    held = held_readings(raw)
-    if held.any():
-        repairs.append(f"The sensor is read in every {len(held) / np.count_nonzero(~held):.0f}th row; the rows between "
+    if len(finite_rows):
+        between[finite_rows[0]:finite_rows[-1]] = np.isnan(raw[finite_rows[0]:finite_rows[-1]])
+    hold = held_readings(raw)
+    if hold.any():
+        repairs.append(f"The sensor is read in every {len(hold) / np.count_nonzero(~hold):.0f}th row; the rows between "
                        "hold its reading.")
-    stale = stale_readings(raw) & ~held
+    stale = stale_readings(raw) & ~hold
     if stale.any():
         repairs.append(f"{count(int(stale.sum()), 'reading')} left out that repeat the one before while others near "
                        f"them move: a sensor or bus that hangs (first: line {sheet.line_name(int(stale.argmax()))}).")
-        held |= stale
-    powered = held & ("power" in columns.index and sheet.columns[columns.index["power"]].differs())
-    return raw, (edges & between) | powered, held & ~powered
+        hold |= stale
+    powered = hold & ("power" in columns.index and sheet.columns[columns.index["power"]].differs())
+    return raw, (edges & between) | powered, hold & ~powered
 
 
 def _on_own_clocks(signals: Mapping[str, LogSignal], edges: Mask, lost_s: Sequence[float], repairs: list[str], *,
@@ -496,13 +496,13 @@ def _errata(table: BuiltIn, sheet: Sheet, apply: bool, doubts: list[str]) -> She
 def _temperature_unit(sheet: Sheet, columns: Columns, settings: ReadSettings, values: Array, repairs: list[str],
                       doubts: list[str]) -> LogSignal:
     """Return how the temperature is written; its values are those of the file, shape (n,)."""
-    name, named, given = columns.names["temperature"], columns.unit("temperature"), settings.temperature_unit
-    unit, scaled = given or named, is_scaled("temperature", name) and settings.temperature_scale is None
+    name, header_unit, option = columns.names["temperature"], columns.unit("temperature"), settings.temperature_unit
+    unit, scaled = option or header_unit, is_scaled("temperature", name) and settings.temperature_scale is None
     if settings.temperature_scale is not None:
         repairs.append(f"The temperature was multiplied by {settings.temperature_scale:g}, as stated.")
-    if unit is not None and not (scaled and given is None):
+    if unit is not None and not (scaled and option is None):
         if unit != "degC":
-            repairs.append(f"The temperature is in {unit} {'as stated' if given else 'by its name'} and was converted "
+            repairs.append(f"The temperature is in {unit} {'as stated' if option else 'by its name'} and was converted "
                            "to °C.")
         return LogSignal(values, unit, SIGNS[unit], between=SAMPLES)
     if unit == "degF":
@@ -597,8 +597,8 @@ def _with_cooling(sheet: Sheet, columns: Columns, power: LogSignal | None, repai
         repairs.append("The power goes below 0 where it cools; the column of the cooler was not needed.")
         return power
     switched = on_or_off(sheet.columns[columns.index["cooling"]])
-    named = columns.unit("cooling")
-    full = 1.0 if switched is not None else float(named) if named else power.full_scale
+    header_unit = columns.unit("cooling")
+    full = 1.0 if switched is not None else float(header_unit) if header_unit else power.full_scale
     values = switched if switched is not None else _filled_column(sheet, columns, "cooling", repairs)[0]
     other = "--cooling-column none --disturbance-column " + quoted(columns.names["cooling"])
     for wrong, problem, expected in (

@@ -318,11 +318,11 @@ class Grid(Sequence[list[str]]):
 
     def find(self, row: Sequence[str]) -> list[int]:
         """Return the rows with these cells."""
-        found = [k for k, cells in self.aside.items() if cells == list(row)]
+        row_numbers = [k for k, cells in self.aside.items() if cells == list(row)]
         if len(row) == self.width:
             alike = np.flatnonzero(self.columns[0].where(row[0].__eq__))
-            found += [k for k in self._usual()[alike].tolist() if self[k] == list(row)]
-        return sorted(found)
+            row_numbers += [k for k in self._usual()[alike].tolist() if self[k] == list(row)]
+        return sorted(row_numbers)
 
     def whole(self) -> Mask:
         """Return the rows that are as wide as most, shape (n,)."""

@@ -182,14 +182,14 @@ def add_side_columns(sheet: Sheet, index: dict[str, int], absent: set[str], note
     """
     if "power" not in index:
         return
-    for role, (fits, does, told) in _KINDS.items():
+    for role, (fits, does, description) in _KINDS.items():
         if role in absent or role in index:
             continue
-        found = [i for i, name in enumerate(sheet.header)
-                 if i not in index.values() and fits(name) and does(_values(sheet.columns[i]))]
-        if found:
-            index[role] = found[0]
-            notes.append(f"{sheet.header[found[0]]!r} was taken as {told} (otherwise: --{role}-column none).")
+        matches = [i for i, name in enumerate(sheet.header)
+                   if i not in index.values() and fits(name) and does(_values(sheet.columns[i]))]
+        if matches:
+            index[role] = matches[0]
+            notes.append(f"{sheet.header[matches[0]]!r} was taken as {description} (otherwise: --{role}-column none).")
 
 
 def _values(cells: CellColumn) -> Array:

@@ -86,11 +86,11 @@ def hold_series(at: Array, time: Array, cells: CellColumn, *, is_power: bool) ->
     """
     places = np.searchsorted(time, at, side="right") - 1
     late = int(np.count_nonzero(places < 0))
-    held = np.maximum(places, 0)
-    values = cells.at_rows(held)
+    source_rows = np.maximum(places, 0)
+    values = cells.at_rows(source_rows)
     if not is_power:
         notes = [f"The setpoint of the first {count(late, 'row')} is taken from after."] if late else []
-        return HeldSeries(values, 0, notes, held)
+        return HeldSeries(values, 0, notes, source_rows)
     notes = [f"{count(late, 'row')} before the first power left out."] if late else []
     switched = on_or_off(cells)
     moved = _latest(at, time, cells)
@@ -102,7 +102,7 @@ def hold_series(at: Array, time: Array, cells: CellColumn, *, is_power: bool) ->
         values = CellColumn.of(repr(float(mean) * (1.0 if switched is None else 100.0)) for mean in means)
     elif moved > 0.0:
         notes.append(f"The power is held to the next reading, up to {moved:.3g} s after it changed.")
-    return HeldSeries(values, late, notes, held, "%" if switched is not None and means is not None else "")
+    return HeldSeries(values, late, notes, source_rows, "%" if switched is not None and means is not None else "")
 
 
 def _changes(time: Array, cells: CellColumn) -> Array:
@@ -275,8 +275,8 @@ def _quality_place(sheet: Sheet, selection: TagSelection) -> int | None:
 
 def places(sheet: Sheet, selection: TagSelection) -> tuple[int | None, int | None]:
     """Return the columns of the tags and, in a long table, of their values."""
-    named = [i for i, name in enumerate(sheet.header) if _TAG.fullmatch(plain_name(name))]
-    tag = next((i for i in named if _repeats(sheet, i)), None) if selection.column is None else (
+    tag_columns = [i for i, name in enumerate(sheet.header) if _TAG.fullmatch(plain_name(name))]
+    tag = next((i for i in tag_columns if _repeats(sheet, i)), None) if selection.column is None else (
         None if selection.column == NO_COLUMN else choose_column(sheet, "tag", selection.column))
     values = [i for i, name in enumerate(sheet.header) if i != tag and _VALUE.fullmatch(plain_name(name))]
     others = [name for i, name in enumerate(sheet.header) if i not in (tag, *values)]
@@ -370,7 +370,7 @@ def _with_edges(sheet: Sheet, value: int, series: Mapping[str, npt.NDArray[np.in
     """Return the rows of the temperature and those of the power's changes between them, and which the latter are.
 
     Where the temperature is not written on change, so that its value there has to be put on a line, they are not many;
-    of a power that changes more than once between two readings its mean is taken, see `held`.
+    of a power that changes more than once between two readings its mean is taken, see `hold_series`.
     """
     rows = series["temperature"]
     if "power" not in series:
@@ -389,9 +389,9 @@ def _with_edges(sheet: Sheet, value: int, series: Mapping[str, npt.NDArray[np.in
 
 def _blanked(cells: CellColumn, rows: npt.NDArray[np.intp], edges: frozenset[int]) -> CellColumn:
     """Return the cells of some rows, empty in those that hold another power alone."""
-    taken = cells.at_rows(rows)
-    return taken if not edges else CellColumn.of(
-        "" if k in edges else cell for k, cell in zip(rows.tolist(), taken, strict=True))
+    texts = cells.at_rows(rows)
+    return texts if not edges else CellColumn.of(
+        "" if k in edges else cell for k, cell in zip(rows.tolist(), texts, strict=True))
 
 
 def _stands(sheet: Sheet, value: int, rows: npt.NDArray[np.intp], time: Array) -> bool:
@@ -440,15 +440,15 @@ def _with_unit(sheet: Sheet, tag: int, name: str, unit: str) -> str:
 def _roles(sheet: Sheet, tags: Sequence[str], tag: int, selection: TagSelection) -> dict[str, str]:
     """Return role → tag: as requested, otherwise if the names are unambiguous."""
     listed = f"{', '.join(tags[:_SHOWN])}{', …' if len(tags) > _SHOWN else ''}"
-    wanted = {role: getattr(selection, role) for role in _ROLES}
-    for role, name in wanted.items():
+    tags_by_role = {role: getattr(selection, role) for role in _ROLES}
+    for role, name in tags_by_role.items():
         if name is not None and name not in tags and (name != NO_COLUMN or role == "temperature"):
             raise LogError(f"column {_name(sheet, tag)!r} holds no tag", file=sheet.file, value=name,
                            expected=f"{_OPTIONS[role]}, one of {listed}")
-    free = [name for name in tags if name not in wanted.values()]
+    free = [name for name in tags if name not in tags_by_role.values()]
     in_degrees = _tags_in_degrees(sheet, tag, selection)
     tag_of: dict[str, str] = {}
-    for role, name in wanted.items():
+    for role, name in tags_by_role.items():
         likely = [tag_name for tag_name in free if _role_of_tag(tag_name) == role]
         if role == "temperature":
             likely += [tag_name for tag_name in free if _role_of_tag(tag_name) is None and tag_name in in_degrees]
@@ -458,7 +458,7 @@ def _roles(sheet: Sheet, tags: Sequence[str], tag: int, selection: TagSelection)
         if name is None and (len(likely) > 1 or (role == "temperature" and not likely)):
             several = f"{len(likely)} tags may be the {role} ({', '.join(likely[:_SHOWN])})" if likely else (
                 f"no tag is plainly the {role} ({listed})")
-            others = "" if role != "temperature" or wanted["power"] else " and --power-tag NAME or none"
+            others = "" if role != "temperature" or tags_by_role["power"] else " and --power-tag NAME or none"
             raise LogError(several, file=sheet.file, column=_name(sheet, tag),
                            expected=f"{_OPTIONS[role]} NAME" + (others if role == "temperature" else " or none"))
         if name is None and not likely and role == "power":
@@ -565,9 +565,9 @@ def with_power_rows(sheet: Sheet, powers: Sheet, settings: ReadSettings) -> tupl
     if sheet.header == powers.header and tag is not None and value is not None:
         both = (CellColumn.of(chain(*cells)) for cells in zip(sheet.columns, powers.columns, strict=True))
         return replace(sheet, columns=tuple(both), lines=np.concatenate([sheet.lines, -powers.lines])), settings
-    wanted = {"time": settings.time_column, "temperature": settings.temperature_column, "power": NO_COLUMN}
+    column_names = {"time": settings.time_column, "temperature": settings.temperature_column, "power": NO_COLUMN}
     sheet, own = with_dates(sheet, find_columns(
-        sheet, {role: column for role, column in wanted.items() if column is not None}), settings.date_column)
+        sheet, {role: column for role, column in column_names.items() if column is not None}), settings.date_column)
     power = _power_place(powers, settings)
     powers, other = with_dates(powers, find_columns(
         powers, {"temperature": power + 1, "power": NO_COLUMN, "setpoint": NO_COLUMN}), None)
@@ -613,9 +613,9 @@ def _power_place(powers: Sheet, settings: ReadSettings) -> int:
         i for i, name in enumerate(names) if role_of(name) != "time" and (i > 0 or powers.header)
         and any(all(map(holds, powers.columns[i].kinds())) for holds in (is_number, is_switch_word))]
     if len(candidates) != 1:
-        found = f"no column is a power ({', '.join(names)})" if not candidates else (
+        problem = f"no column is a power ({', '.join(names)})" if not candidates else (
             f"several columns may be the power ({', '.join(names[i] for i in candidates)})")
-        raise LogError(found, file=powers.file, expected="--power-column with a column of this file")
+        raise LogError(problem, file=powers.file, expected="--power-column with a column of this file")
     return candidates[0]
 
 

@@ -165,20 +165,20 @@ def has_zone(cell: str) -> bool:
 def _without_zone(text: str) -> tuple[str, timezone | None]:
     """Return a text without the name of its time zone, and the zone."""
     text = _PLACE.sub("", text)
-    found = _ZONE.search(text)
-    if found is None or found[1] not in _ZONES:
+    match = _ZONE.search(text)
+    if match is None or match[1] not in _ZONES:
         return text, None
-    return text[:found.start()].rstrip(), timezone(timedelta(hours=_ZONES[found[1]]))
+    return text[:match.start()].rstrip(), timezone(timedelta(hours=_ZONES[match[1]]))
 
 
 def _with_number_of_month(text: str) -> str:
     """Return a date with the name of its month, 14-Mar-2026 or Mar 14, 2026, as ISO 8601 has it."""
-    if found := _DAY_AND_MONTH.fullmatch(text):
-        day, name, year, clock = found.groups()
-    elif found := _MONTH_AND_DAY.fullmatch(text):
-        name, day, year, clock = found.groups()
-    elif found := _YEAR_LAST.fullmatch(text):
-        name, day, clock, zone, year = found.groups()
+    if match := _DAY_AND_MONTH.fullmatch(text):
+        day, name, year, clock = match.groups()
+    elif match := _MONTH_AND_DAY.fullmatch(text):
+        name, day, year, clock = match.groups()
+    elif match := _YEAR_LAST.fullmatch(text):
+        name, day, clock, zone, year = match.groups()
         return _without_zone(f"{year or _YEAR_UNKNOWN}-{_month(name):02d}-{day:0>2} {clock}{zone or ''}")[0]
     else:
         return text
@@ -217,10 +217,10 @@ _WORDED_LENGTH = re.compile(r"(?:P?(?:(\d+) ?d(?:ays?)? ?,? ?T?|T))?(?:(\d+) ?h(
 def duration_s(cell: str) -> float | None:
     """Return the length of time in a cell [s]: 25:10:00, 0 days 00:00:02, 0.00:00:02, 5m 3s, PT1H2M3S; None: none."""
     text = cell.strip()
-    found = _CLOCK_LENGTH.fullmatch(text) or _WORDED_LENGTH.fullmatch(text)
-    if found is None or not any(found.groups()):
+    match = _CLOCK_LENGTH.fullmatch(text) or _WORDED_LENGTH.fullmatch(text)
+    if match is None or not any(match.groups()):
         return None
-    days, hours, minutes, seconds = (float((part or "0").replace(",", ".")) for part in found.groups())
+    days, hours, minutes, seconds = (float((part or "0").replace(",", ".")) for part in match.groups())
     return 86400.0 * days + 3600.0 * hours + 60.0 * minutes + seconds
 
 
@@ -292,14 +292,14 @@ def _month_or_day_first(cells: Sequence[str]) -> str:
 
     Of a log with a row or two for each date, which may be one of a month, nothing is inferred.
     """
-    dates = list(dict.fromkeys(found.groups() for cell in cells if (found := _SLASHED.match(cell)) is not None))
+    dates = list(dict.fromkeys(match.groups() for cell in cells if (match := _SLASHED.match(cell)) is not None))
     if len(cells) < _ROWS_OF_DATE * len(dates):
         return ""
     longest = {}
     for order, year, month, day in (("month", 2, 0, 1), ("day", 2, 1, 0), ("year", 0, 1, 2)):
         try:
-            days = [date(int(found[year]) % 100 + 2000, int(found[month]), int(found[day])).toordinal()
-                    for found in dates]
+            days = [date(int(match[year]) % 100 + 2000, int(match[month]), int(match[day])).toordinal()
+                    for match in dates]
         except ValueError:
             continue
         longest[order] = max(abs(after - before) for before, after in pairwise(days))

@@ -137,8 +137,8 @@ def day(course: RegularLog, model: HeaterModel, controller: Controller, scan_s: 
     ends = np.append(course.time_s, course.time_s[-1] + step)
     power = np.diff(np.interp(np.append(time, time[-1] + h), ends, energy)) / h
     measured = np.interp(time, course.time_s, course.temperature_degC)
-    held = np.clip(np.searchsorted(course.time_s, time + 1e-9 * h, side="right") - 1, 0, None)
-    setpoint = course.setpoint_degC[held]
+    rows = np.clip(np.searchsorted(course.time_s, time + 1e-9 * h, side="right") - 1, 0, None)
+    setpoint = course.setpoint_degC[rows]
     warm = abs(float(course.error_degC[0])) <= _WARM * course.least_degC
     was = _Plant(model, h, float(course.power_pct[0]) if warm else 0.0)
     rest = measured - np.array([was.share, *(was.step(each) for each in power[:-1].tolist())])
@@ -159,9 +159,9 @@ def _relived(
                 break
             plant.step(controller(plant.share + quiet, now))
     temperatures, share = [], plant.share
-    for other, asked in zip(rest.tolist(), setpoint.tolist(), strict=True):
+    for other, setpoint_degC in zip(rest.tolist(), setpoint.tolist(), strict=True):
         temperatures.append(share + other)
-        share = plant.step(controller(share + other, asked))
+        share = plant.step(controller(share + other, setpoint_degC))
     return np.array(temperatures)
 
 
@@ -258,7 +258,7 @@ class Diagnosis:
     def excess(self) -> float:
         """How far the loop is beyond what is accepted; below 1 it is well."""
         if self.faults:
-            return max(found.excess for found in self.faults)
+            return max(fault.excess for fault in self.faults)
         return min(0.99, (self.worse or 1.0) / _WORSE)
 
     @property
@@ -275,7 +275,7 @@ class Diagnosis:
 def diagnose(
     log: Log, loop: LoopEntry, before: FittedModel | None = None, cooling_before: float | None = None
 ) -> Diagnosis:
-    """Return what is wrong with a loop.
+    """Return the diagnosis of a loop.
 
     Args:
         log: with its setpoint, and with its power where that is known.
@@ -386,12 +386,12 @@ def _longer(loop: LoopEntry, fitted: FittedModel | None, course: RegularLog, per
         return None
     most = max(plant.dead_time_s for plant in fitted.plants)
     shortest = SWITCHES[loop.switch].shortest_s
-    found = propose_period(
+    proposal = propose_period(
         fitted.plants, kind=loop.switch, sample_time_s=max(most, shortest),
         setpoint_degC=float(course.setpoint_degC[-1]),
         ambient_degC=ROOM_DEGC if fitted.model.ambient_degC is None else fitted.model.ambient_degC,
         ripple_degC_most=_RIPPLE * course.least_degC)
-    return max(shortest, float(math.floor(found.period_s)))
+    return max(shortest, float(math.floor(proposal.period_s)))
 
 
 def _faults(
@@ -446,11 +446,11 @@ def _drift(
 
 def _moved(name: str, most: float, was: float, is_: float) -> LoopFault:
     """Return by how much a parameter moved, in excess of what two fits differ by; 0: it is not known in one of them."""
-    known = was > 0.0 and is_ > 0.0
+    has_both = was > 0.0 and is_ > 0.0
     return LoopFault(
-        cause=Cause.DRIFTED, excess=abs(math.log(is_ / was)) / math.log1p(most) if known else 0.0,
+        cause=Cause.DRIFTED, excess=abs(math.log(is_ / was)) / math.log1p(most) if has_both else 0.0,
         message=f"{name.replace('_', ' ')} {was:.3g} → {is_:.3g} since the words were made "
-                f"({100.0 * (is_ / was - 1.0) if known else 0.0:+.0f} %)")
+                f"({100.0 * (is_ / was - 1.0) if has_both else 0.0:+.0f} %)")
 
 
 def _error(diagnosis: Diagnosis) -> Iterator[LoopFault]:
@@ -533,7 +533,7 @@ def _request_for(diagnosis: Diagnosis, loop: LoopEntry, request: DesignRequest) 
     if conditions.setpoint_degC is None:
         conditions = replace(conditions, setpoint_degC=round(float(diagnosis.course.setpoint_degC.max()), 6))
     kind, tuned = request.switch_kind or loop.switch, request.tune_settings
-    if conditions.pwm_period_s is None and any(found.cause is Cause.WEAR for found in diagnosis.faults):
+    if conditions.pwm_period_s is None and any(fault.cause is Cause.WEAR for fault in diagnosis.faults):
         conditions = replace(conditions, pwm_period_s=diagnosis.longer_period_s)
         tuned = replace(tuned, sample_time_s=tuned.sample_time_s or diagnosis.longer_period_s)
     elif conditions.pwm_period_s is None and kind is None:

@@ -135,8 +135,8 @@ def course_of(log: Log, pwm_period_s: float | None, changes_at_least_degC: float
         summed = np.cumsum(np.concatenate([np.full(width, rows[:width].mean()), rows]))
         return np.asarray((summed[width:] - summed[:-width]) / width)
 
-    held = np.maximum(np.searchsorted(log.time_s, time + 1e-9 * step, side="right") - 1, 0)
-    setpoint = log.setpoint_degC[held]
+    row_indices = np.maximum(np.searchsorted(log.time_s, time + 1e-9 * step, side="right") - 1, 0)
+    setpoint = log.setpoint_degC[row_indices]
     readings = np.interp(time, log.time_s, log.temperature_degC)
     averages = mean(log.temperature_degC)
     levels = np.diff(np.unique(log.temperature_degC))
@@ -166,8 +166,8 @@ def swings(course: RegularLog, events_s: Sequence[float], shortest_s: float = 0.
         shortest_s: half a cycle that is shorter is not the loop's: nothing answers within its dead time [s].
     """
     bounds = [*sorted(set(events_s)), float(course.time_s[-1])]
-    found = [_half_cycles(course, start, end, shortest_s) for start, end in pairwise(bounds)]
-    return max(found, key=lambda entry: entry.count * entry.even, default=Swings(
+    candidates = [_half_cycles(course, start, end, shortest_s) for start, end in pairwise(bounds)]
+    return max(candidates, key=lambda entry: entry.count * entry.even, default=Swings(
         count=0, period_s=0.0, size_degC=0.0, even=False))
 
 
@@ -202,10 +202,10 @@ def at_limit(course: RegularLog, *, high: bool) -> float:
         return 0.0
     low, full = course.lowest_pct + _ENDS[0], _ENDS[1]
     sign = 1.0 if high else -1.0
-    held = (course.power_pct >= full if high else course.power_pct <= low) & (
+    is_at_limit = (course.power_pct >= full if high else course.power_pct <= low) & (
         sign * course.error_degC > course.least_degC)
-    share, n = 0, len(held)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], held.astype(int), [0]])))
+    share, n = 0, len(is_at_limit)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], is_at_limit.astype(int), [0]])))
     for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
         last = slice(end - max(2, (end - begin) // _LAST), end)
         slope = float(np.polyfit(course.time_s[last], course.temperature_degC[last], 1)[0])
@@ -280,12 +280,12 @@ def average_log(log: Log, pwm_period_s: float | None, before_pct: float | None =
     time = log.time_s[0] + step * np.arange(int(length / step + 1e-9) + 1, dtype=np.float64)
     edges = np.append(time, time[-1] + step)
     before = float(log.power_pct[0]) if before_pct is None else before_pct
-    known = np.concatenate([[log.time_s[0] - width], log.time_s])
-    held = np.concatenate([[before], log.power_pct])
-    twice = _integrated_twice(known, held, edges + 0.5 * width) - _integrated_twice(known, held, edges - 0.5 * width)
+    times = np.concatenate([[log.time_s[0] - width], log.time_s])
+    power = np.concatenate([[before], log.power_pct])
+    twice = _integrated_twice(times, power, edges + 0.5 * width) - _integrated_twice(times, power, edges - 0.5 * width)
     middle = (log.temperature_degC[1:] + log.temperature_degC[:-1]) / 2.0
     warmth = np.concatenate([log.temperature_degC[:1], middle, log.temperature_degC[-1:]])
-    once = _integrated(known, warmth, time + 0.5 * width) - _integrated(known, warmth, time - 0.5 * width)
+    once = _integrated(times, warmth, time + 0.5 * width) - _integrated(times, warmth, time - 0.5 * width)
     rows = np.searchsorted(log.time_s, time + 1e-9 * step, side="right") - 1
     return log.with_rows(
         time_s=time, temperature_degC=once / width, disturbance=None,
@@ -410,17 +410,17 @@ def read_list(path: str | Path) -> dict[str, LoopEntry]:
     Raises:
         InputError: it cannot be read, or an entry is not right; the line (of a TOML file: the entry) is named.
     """
-    told: dict[str, LoopEntry] = {}
+    loops: dict[str, LoopEntry] = {}
     names: dict[str, str] = {}
     entries = _entries_of_toml if Path(path).suffix.lower() == ".toml" else _entries_of_csv
     for where, entry in entries(Path(path)):
         loop = _loop(entry, where)
-        if loop.file in told:
+        if loop.file in loops:
             raise InputError(f"{where}: the log {loop.file!r} is listed twice; a loop has one log")
         if loop.name in names:
             raise InputError(f"{where}: the name {loop.name!r} is that of {names[loop.name]!r}, too; give another one")
-        told[loop.file], names[loop.name] = loop, loop.file
-    return told
+        loops[loop.file], names[loop.name] = loop, loop.file
+    return loops
 
 
 def _entries_of_toml(path: Path) -> Iterator[tuple[str, _Entry]]:

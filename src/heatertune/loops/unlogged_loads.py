@@ -170,14 +170,14 @@ def reconstruct_power(log: Log, switch: DutySwitch, period_s: float | None) -> L
     assert log.power_pct is not None
     power = log.power_pct
     if switch.ticks is not None:
-        asked = power * (switch.ticks / 100.0)
-        power = (np.floor(asked + 1e-9) if switch.down else np.round(asked)) * (100.0 / switch.ticks)
+        ticks = power * (switch.ticks / 100.0)
+        power = (np.floor(ticks + 1e-9) if switch.down else np.round(ticks)) * (100.0 / switch.ticks)
     if switch.phase_s is not None:
         assert period_s is not None
         first, last = float(log.time_s[0]), float(log.time_s[-1])
         begins = np.arange(first + switch.phase_s - period_s, last + 2.0 * period_s, period_s)
-        taken = power[np.maximum(np.searchsorted(log.time_s, begins + 1e-9 * period_s, side="right") - 1, 0)]
-        energy = np.concatenate([[0.0], np.cumsum(taken[:-1]) * period_s])
+        levels = power[np.maximum(np.searchsorted(log.time_s, begins + 1e-9 * period_s, side="right") - 1, 0)]
+        energy = np.concatenate([[0.0], np.cumsum(levels[:-1]) * period_s])
         ends = np.append(log.time_s, 2.0 * last - log.time_s[-2])
         power = np.diff(np.interp(ends, begins, energy)) / np.diff(ends)
     return log.with_rows(power_pct=np.clip(power, -100.0 * log.cooling_gain, 100.0))
@@ -207,16 +207,16 @@ def with_duty(log: Log, period_s: float) -> Log:
     if np.count_nonzero(between) < _BY_LAW:
         return log
     error = log.setpoint_degC - log.temperature_degC
-    seen = error[np.maximum(np.searchsorted(time, begins + 1e-9 * period_s, side="right") - 1, 0)]
+    sampled_error = error[np.maximum(np.searchsorted(time, begins + 1e-9 * period_s, side="right") - 1, 0)]
     mean = np.diff(_energy(time, error, np.append(begins, begins[-1] + period_s)))
     summed = np.concatenate([[0.0], np.cumsum(np.where(between, mean, 0.0))[:-1]])
-    law = np.column_stack([seen, summed, np.ones(len(begins))])
-    told = np.clip(law @ np.linalg.lstsq(law[between], duty[between], rcond=None)[0], 0.0, 100.0)
+    law = np.column_stack([sampled_error, summed, np.ones(len(begins))])
+    model_duty = np.clip(law @ np.linalg.lstsq(law[between], duty[between], rcond=None)[0], 0.0, 100.0)
     row = 100.0 * float(np.median(np.diff(time))) / period_s
-    if float(np.sqrt(np.mean((told - duty)[between] ** 2))) > _OFF * row:
+    if float(np.sqrt(np.mean((model_duty - duty)[between] ** 2))) > _OFF * row:
         return log
     rows = np.maximum(np.searchsorted(begins, time + 1e-9 * period_s, side="right") - 1, 0)
-    return log.with_rows(power_pct=np.where(between, told, np.clip(duty, -100.0 * log.cooling_gain, 100.0))[rows])
+    return log.with_rows(power_pct=np.where(between, model_duty, np.clip(duty, -100.0 * log.cooling_gain, 100.0))[rows])
 
 
 def _energy(time: Array, values: Array, at: Array) -> Array:
@@ -309,16 +309,16 @@ def without_loads(log: Log, pwm_period_s: float | None = None) -> LoadFreeLog:
         pwm_period_s: of its switch; None: not known.
     """
     best, switch = _best_with_switch(log, pwm_period_s)
-    thin, course, found = best
-    if not found.sensible:
+    thin, course, fit = best
+    if not fit.sensible:
         return LoadFreeLog(thin)
     since = thin.time_s - thin.time_s[0]
-    done = risen(since, found.instants, found.lag, found.ratio) @ (found.sizes * found.linear[0])
+    done = risen(since, fit.instants, fit.lag, fit.ratio) @ (fit.sizes * fit.linear[0])
     loads = sorted(LoadStep(float(log.time_s[0] + at), float(size))
-                   for at, size in zip(found.instants, found.sizes, strict=True))
+                   for at, size in zip(fit.instants, fit.sizes, strict=True))
     return LoadFreeLog(thin.with_rows(temperature_degC=thin.temperature_degC - done), tuple(loads),
-                   course.before, float(found.linear[1]) if course.rest else None,
-                   _most_dead_time_s(course, found, pwm_period_s or course.step), switch.ticks)
+                   course.before, float(fit.linear[1]) if course.rest else None,
+                   _most_dead_time_s(course, fit, pwm_period_s or course.step), switch.ticks)
 
 
 class CoolerGain(NamedTuple):
@@ -408,16 +408,16 @@ def _best_with_switch(log: Log, pwm_period_s: float | None) -> tuple[_LoadTrial,
     duty = log if own is None else with_duty(log, own)
     if own is not None and duty is log:
         return plain, DutySwitch()
-    best, kept = plain if duty is log else _best(duty, pwm_period_s), DutySwitch()
+    best, best_switch = plain if duty is log else _best(duty, pwm_period_s), DutySwitch()
     for _ in range(_ROUNDS):
         other, switch = _switched(duty, pwm_period_s, best)
-        if switch == kept:
+        if switch == best_switch:
             break
         tried = _best(other, pwm_period_s)
         if tried.worth() >= best.worth():
             break
-        best, kept = tried, switch
-    return (best, kept) if best.fit.bic < plain.fit.bic - _RULED_OUT else (plain, DutySwitch())
+        best, best_switch = tried, switch
+    return (best, best_switch) if best.fit.bic < plain.fit.bic - _RULED_OUT else (plain, DutySwitch())
 
 
 def _switched(log: Log, pwm_period_s: float | None, tried: _LoadTrial) -> tuple[Log, DutySwitch]:
@@ -425,12 +425,12 @@ def _switched(log: Log, pwm_period_s: float | None, tried: _LoadTrial) -> tuple[
 
     Lags, dead time and instants are not those of the right switch yet: what changes with them is free here.
     """
-    found, bent = tried.fit, _bent(tried.course, tried.fit)
+    fit, bent = tried.fit, _bent(tried.course, tried.fit)
 
     def left(switch: DutySwitch) -> float:
         thin = average_log(reconstruct_power(log, switch, pwm_period_s), pwm_period_s, tried.course.before)
         course = power_course(thin, tried.course.before, pwm_period_s, rest=tried.course.rest)
-        basis = np.column_stack([course.basis(found.lag, found.ratio, found.delay, found.instants), bent])
+        basis = np.column_stack([course.basis(fit.lag, fit.ratio, fit.delay, fit.instants), bent])
         linear = np.linalg.lstsq(basis, course.readings, rcond=None)[0]
         return ar1_bic(course.readings - basis @ linear, len(linear))
 
@@ -444,7 +444,7 @@ def _switched(log: Log, pwm_period_s: float | None, tried: _LoadTrial) -> tuple[
 
 
 def _bent(course: PowerCourse, fit: _LoadFit) -> Array:
-    """Return what the readings change by with lags, dead time and the instants of loads, shape (m, 3 + loads)."""
+    """Return the slopes of the readings by lags, dead time and the instants of loads, shape (m, 3 + loads)."""
     def readings(lag: float, ratio: float, delay: float, at: Array) -> Array:
         loads = fit.linear[len(fit.linear) - len(at):]
         driven = fit.linear[0] * course.answer(lag, ratio, delay) + risen(course.middle, at, lag, ratio) @ loads
@@ -473,9 +473,9 @@ def _most_dead_time_s(course: PowerCourse, fit: _LoadFit, wait_s: float) -> floa
     """
     best = _refined(course, fit.lag, 0.0, fit.delay + fit.ratio * fit.lag, fit.instants)
     for times in _LONGER:
-        held = times * best.delay + wait_s
-        if _refined(course, best.lag, 0.0, held, best.instants, fixed=True).bic > best.bic + _RULED_OUT:
-            return held
+        dead_time_s = times * best.delay + wait_s
+        if _refined(course, best.lag, 0.0, dead_time_s, best.instants, fixed=True).bic > best.bic + _RULED_OUT:
+            return dead_time_s
     return None
 
 
@@ -484,7 +484,7 @@ def _worth(fit: _LoadFit) -> tuple[bool, float]:
 
 
 def _starts(log: Log, pwm_period_s: float | None) -> list[tuple[float, bool]]:
-    """Return what the power may have been before the first reading [%], and whether the heater was at rest with that.
+    """Return the possible powers before the first reading [%], and whether the heater was at rest with each.
 
     A loop that is at its setpoint as its log begins was at work. One that is far below may have been off, and cold:
     that is plain where the temperature begins to rise no sooner than a dead time after the power.
@@ -514,7 +514,7 @@ def _searched(course: PowerCourse) -> _LoadFit:
         rough += [(*_added(course, bases[place], steps, tried), lag, float(delays[place])) for place in sorted(near)]
     starts: list[tuple[float, Array, float, float]] = []
     for start in sorted(rough, key=lambda entry: entry[0]):
-        if all(max(start[2] / kept[2], kept[2] / start[2]) > _APART for kept in starts):
+        if all(max(start[2] / other[2], other[2] / start[2]) > _APART for other in starts):
             starts.append(start)
     refined = [_refined(course, lag, 0.0, delay, instants) for _, instants, lag, delay in starts[:_STARTS]]
     best = min(refined, key=_worth)
@@ -531,15 +531,15 @@ def _added(
     course: PowerCourse, basis: Array, steps: Array, tried: Array, instants: Array | None = None
 ) -> tuple[float, Array]:
     """Return the criterion and the instants of the loads that are worth it, added one by one to those given."""
-    kept = np.zeros(0) if instants is None else instants
-    best, chosen, at_best = math.inf, kept, 0
+    loads = np.zeros(0) if instants is None else instants
+    best, chosen, at_best = math.inf, loads, 0
     size = np.sum(steps**2, axis=0)
-    for count in range(len(kept), _MOST + 1):
+    for count in range(len(loads), _MOST + 1):
         q, _ = np.linalg.qr(basis)
         left = course.readings - q @ (q.T @ course.readings)
         bic = ar1_bic(left, basis.shape[1] + len(chosen))
         if bic < best - _GAIN:
-            best, at_best, kept = bic, count, chosen
+            best, at_best, loads = bic, count, chosen
         elif count > at_best + 1:  # a pulse is two loads, of which the first alone explains little
             break
         fresh = steps - q @ (q.T @ steps)
@@ -547,13 +547,13 @@ def _added(
         score = np.where(free > 1e-6 * size, (fresh.T @ left) ** 2 / np.maximum(free, 1e-12), 0.0)
         place = int(np.argmax(score))
         chosen, basis = np.append(chosen, tried[place]), np.column_stack([basis, steps[:, place]])
-    return best, kept
+    return best, loads
 
 
 def _refined(
     course: PowerCourse, lag: float, ratio: float, delay: float, instants: Array, *, fixed: bool = False
 ) -> _LoadFit:
-    """Return what least squares makes of a start: all that is not linear, the instants of the loads included.
+    """Return the least-squares fit from a start: all that is not linear, the instants of the loads included.
 
     `fixed`: the dead time stays.
     """

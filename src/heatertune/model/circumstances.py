@@ -150,9 +150,9 @@ def without_neighbours(fitted: FittedModel) -> FittedModel:
 def _hardest(candidates: Sequence[Candidate], late_s: float) -> Iterator[Candidate]:
     """Yield, for one lag and for two, the longest dead time, and the lowest ultimate gain with so many seconds more."""
     for lags in sorted({len(each.model.lags_s) for each in candidates}):
-        known = [each for each in candidates if len(each.model.lags_s) == lags]
-        longest = max(known, key=_dead_time_s)
-        hardest = min(known, key=lambda entry: _ultimate_gain(_later(entry, late_s, "")))
+        subset = [each for each in candidates if len(each.model.lags_s) == lags]
+        longest = max(subset, key=_dead_time_s)
+        hardest = min(subset, key=lambda entry: _ultimate_gain(_later(entry, late_s, "")))
         yield longest
         if hardest is not longest:
             yield hardest
@@ -173,9 +173,9 @@ def _room(dead_time_s: float, late_s: float, most_s: float | None) -> float:
 def _ends(candidates: Sequence[Candidate], period_s: float) -> Iterator[Candidate]:
     """Return, of one lag and of two, the shortest dead time made shorter and the longest one made longer."""
     for lags in sorted({len(each.model.lags_s) for each in candidates}):
-        known = sorted((each for each in candidates if len(each.model.lags_s) == lags), key=_dead_time_s)
-        yield _later(known[0], -period_s, "dead time shorter by a PWM period")
-        yield _later(known[-1], _EARLIER * period_s, "dead time longer by half a PWM period")
+        subset = sorted((each for each in candidates if len(each.model.lags_s) == lags), key=_dead_time_s)
+        yield _later(subset[0], -period_s, "dead time shorter by a PWM period")
+        yield _later(subset[-1], _EARLIER * period_s, "dead time longer by half a PWM period")
 
 
 def _later(candidate: Candidate, by_s: float, part: str) -> Candidate:
@@ -241,8 +241,8 @@ class DelaysKnown:
     def apply_to(self, fitted: FittedModel, logs: Sequence[Log]) -> FittedModel:
         """Return the model with the other properties of its logs; the operating point is that of the first."""
         period_s = max(self._hidden_period_s(log) for log in logs)
-        given = {"dead_time_at_most_s": self.dead_time_at_most_s, "sensor_delay_s": self.sensor_delay_s or None,
-                 "log_pwm_period_s": period_s or None}
+        delays = {"dead_time_at_most_s": self.dead_time_at_most_s, "sensor_delay_s": self.sensor_delay_s or None,
+                  "log_pwm_period_s": period_s or None}
         fitted = with_pwm_hidden(fitted, period_s)
         powered = [log for log in logs if log.power_pct is not None]
         if powered:
@@ -253,7 +253,7 @@ class DelaysKnown:
             fitted, setpoint_degC=setpoint_of(logs[0]), logged_range_degC=logged_range_degC(logs),
             log_interval_s=_interval_s(logs),
             least_dead_time_s=self.least_dead_time_s(logs), reading_step_degC=max(map(reading_step_degC, logs)),
-            assumed={**fitted.assumed, **{name: value for name, value in given.items() if value is not None}},
+            assumed={**fitted.assumed, **{name: value for name, value in delays.items() if value is not None}},
         )
 
     def _hidden_period_s(self, log: Log) -> float:
@@ -317,6 +317,6 @@ def pool_candidates(fitted: FittedModel, others: Sequence[FittedModel]) -> Fitte
     logs = ", ".join(dict.fromkeys(candidate.log for candidate in added))
     note = f"Candidates of {logs}, a log of the same heater, were added: a design has to serve them too."
     ranges = [each.logged_range_degC for each in (fitted, *others)]
-    known = [limits for limits in ranges if limits is not None]
-    whole = (min(low for low, _ in known), max(high for _, high in known)) if known else None
+    intervals = [limits for limits in ranges if limits is not None]
+    whole = (min(low for low, _ in intervals), max(high for _, high in intervals)) if intervals else None
     return replace(fitted, candidates=fitted.candidates + added, notes=(*fitted.notes, note), logged_range_degC=whole)

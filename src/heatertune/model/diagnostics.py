@@ -82,19 +82,19 @@ def unit_findings(fitted: FittedModel, logs: Sequence[Log]) -> tuple[Finding, ..
     A unit stated by the user is questioned only where no heater can be as the fit says.
     """
     findings = []
-    for log, taken in ((log, log.taken) for log in logs if log.taken is not None):
+    for log, summary in ((log, log.taken) for log in logs if log.taken is not None):
         doubts = {role: doubt for role, doubt in _implausible(fitted, log, *_HARDLY_EXCEEDED).items()
-                  if role in taken.columns and role not in taken.stated}
+                  if role in summary.columns and role not in summary.stated}
         wrong = {role: doubt for role, doubt in _implausible(fitted, log, *_NEVER_EXCEEDED).items()
-                 if role in taken.stated}
+                 if role in summary.stated}
         if wrong:
-            stated = ", ".join(map(taken.unit_option, wrong))
+            stated = ", ".join(map(summary.unit_option, wrong))
             findings.append(Finding(name="unit-contradicted", message=(
                 f"{'; '.join(wrong.values())}: no heater can be so, check what is stated for {log.name} ({stated})")))
-        if taken.assumed or doubts:
-            findings.append(Finding(name="unit-assumed", message=_unit_sentence(taken, doubts)))
-        if taken.begins_as_room and "temperature" not in doubts:
-            findings.append(_begins_as_room(taken, float(log.temperature_degC[0])))
+        if summary.assumed or doubts:
+            findings.append(Finding(name="unit-assumed", message=_unit_sentence(summary, doubts)))
+        if summary.begins_as_room and "temperature" not in doubts:
+            findings.append(_begins_as_room(summary, float(log.temperature_degC[0])))
     return tuple(findings)
 
 
@@ -103,7 +103,7 @@ def unit_change_findings(logs: Sequence[Log]) -> tuple[Finding, ...]:
 
     It jumps there by many times its usual change, to what the last reading is in the other unit, and stays.
     """
-    return tuple(found for log in logs if (found := _unit_change(log)) is not None)
+    return tuple(finding for log in logs if (finding := _unit_change(log)) is not None)
 
 
 def _unit_change(log: Log) -> Finding | None:

@@ -227,8 +227,8 @@ def remedy_of(name: str, names: Collection[str]) -> str:
         raise UnknownName("finding", name, KINDS)
     if "no-power" in names:
         return KINDS[name].remedy
-    known = _OF_POWER_LOGS if "closed-loop" in names else _OF_OPEN_LOOP_LOGS
-    return known.get(name, KINDS[name].remedy)
+    remedies = _OF_POWER_LOGS if "closed-loop" in names else _OF_OPEN_LOOP_LOGS
+    return remedies.get(name, KINDS[name].remedy)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -75,38 +75,38 @@ def fit(
             disturbance without power, or one that never changes.
         OutOfRange: fewer than 20 readings are left, an ambient above all readings, a power outside 0…100 %.
     """
-    given = merge_options(FitSettings, settings, changed)
-    if given.cooler:
-        return _of_cooler(log, given, seed, progress)
-    bounds, delays = _bounds(given.ambient_degC), _delays(given)
-    _check_given(log, bounds, given.power_before_pct)
-    _refuse_largest_power(log, given)
-    used, notes = _used(log, given)
+    options = merge_options(FitSettings, settings, changed)
+    if options.cooler:
+        return _of_cooler(log, options, seed, progress)
+    bounds, delays = _bounds(options.ambient_degC), _delays(options)
+    _check_given(log, bounds, options.power_before_pct)
+    _refuse_largest_power(log, options)
+    used, notes = _used(log, options)
     if used.power_pct is None:
         _refuse_disturbance(log)
         _demand_laws(log, laws)
         _refuse_bound(log, delays)
-        fitted, notes = _fit_unlogged(log, laws, bounds, given, seed, thorough, progress)
+        fitted, notes = _fit_unlogged(log, laws, bounds, options, seed, thorough, progress)
     else:
-        thermostat = Thermostat.stated(given.thermostat)
+        thermostat = Thermostat.stated(options.thermostat)
         used, bounds, side_notes = in_its_room(used, bounds)
         used, effect, loss = _cleared(used, progress)
         progress(f"{log.name}: fitting one and two lags to the logged power")
-        fit_one = partial(_fit_logged, bounds=bounds, power_before_pct=given.power_before_pct, seed=seed, delays=delays)
+        refit = partial(_fit_logged, bounds=bounds, power_before_pct=options.power_before_pct, seed=seed, delays=delays)
         if used.cooling_pct is None:
-            fitted = _with_switchings(used, with_loss(fit_one(used), loss), bounds)
+            fitted = _with_switchings(used, with_loss(refit(used), loss), bounds)
             fitted = with_relay(used, fitted, ambient_degC=_single(bounds), thermostat=thermostat)
         else:
             if thermostat is not None:
                 raise InputError(f"{log.name} has a cooler, which no thermostat switches; leave out --thermostat")
-            fitted, (used,) = fit_two_way([used], lambda logs: fit_one(logs[0]))
+            fitted, (used,) = fit_two_way([used], lambda logs: refit(logs[0]))
         loop = loop_remarks(used)
         fitted = _with_better_order(fitted) if loop else fitted
         notes += side_notes
         notes += tuple(remark.sentence for remark in loop)
         notes += () if effect is None else (effect.sentence,)
         fitted = replace(fitted, findings=(*fitted.findings, *findings_of(loop)), disturbance=effect)
-    fitted = with_neighbours(delays.apply_to(replace(fitted, notes=notes + fitted.notes), [used]), alone=given.alone)
+    fitted = with_neighbours(delays.apply_to(replace(fitted, notes=notes + fitted.notes), [used]), alone=options.alone)
     return _of_files(fitted, [log], [used])
 
 
@@ -166,8 +166,8 @@ def _with_faster_swing(fitted: FittedModel, log: Log) -> FittedModel:
         return fitted
     message = (f"{log.name} goes up and down from row to row: its rows are too far apart to show how it is switched; "
                "log at a shorter interval, ten rows or more to a swing.")
-    kept = tuple(each for each in fitted.findings if each.name not in ("not-regulated", "two-level"))
-    return replace(fitted, findings=(*kept, Finding(name="faster-than-log", message=message)),
+    findings = tuple(each for each in fitted.findings if each.name not in ("not-regulated", "two-level"))
+    return replace(fitted, findings=(*findings, Finding(name="faster-than-log", message=message)),
                    notes=(message, *fitted.notes), outcome=FitOutcome.LAW_UNKNOWN, combinations={},
                    ci95=dict.fromkeys(fitted.ci95))
 
@@ -187,9 +187,9 @@ def _with_switchings(log: Log, fitted: FittedModel, bounds: Bounds | None) -> Fi
         return fitted
     if not switched.is_better(best.rmse_degC, len(log.time_s)):
         return fitted
-    kept = tuple(finding for finding in fitted.findings if finding.name in ("one-level", "alias"))
+    findings = tuple(finding for finding in fitted.findings if finding.name in ("one-level", "alias"))
     model = two_level_model(switched, bounds)
-    return replace(model, findings=(*kept, *model.findings))
+    return replace(model, findings=(*findings, *model.findings))
 
 
 def _with_better_order(fitted: FittedModel) -> FittedModel:
@@ -262,14 +262,14 @@ def fit_known(
         InputError: as `known_controller.replayed`, or the power never changes.
         OutOfRange: as `fit`.
     """
-    asked = merge_options(FitSettings, settings, changed)
-    _refuse_cooler(asked)
-    if asked.largest_power_pct is not None:
+    options = merge_options(FitSettings, settings, changed)
+    _refuse_cooler(options)
+    if options.largest_power_pct is not None:
         raise InputError("--largest-power: a known controller's power is computed; leave it out")
-    bounds, delays, power_before = _bounds(asked.ambient_degC), _delays(asked), asked.power_before_pct or 0.0
+    bounds, delays, power_before = _bounds(options.ambient_degC), _delays(options), options.power_before_pct or 0.0
     _check_given(log, bounds, None)
     _refuse_disturbance(log)
-    used, notes = _used(log, asked)
+    used, notes = _used(log, options)
     progress(f"{log.name}: running {controllers[0].name.partition(',')[0]} on the logged readings")
     ambient = _single(bounds)
     rate_all = partial(rate, ambient_degC=ambient, power_before_pct=power_before)
@@ -322,9 +322,9 @@ def fit_together(
             power_before; with power: as `fit`.
         OutOfRange: as `fit`.
     """
-    given = merge_options(FitSettings, settings, changed)
-    _refuse_cooler(given)
-    bounds, delays = _bounds(given.ambient_degC), _delays(given)
+    options = merge_options(FitSettings, settings, changed)
+    _refuse_cooler(options)
+    bounds, delays = _bounds(options.ambient_degC), _delays(options)
     powered = [log for log in logs if log.power_pct is not None]
     if powered and len(powered) < len(logs):
         other = next(log for log in logs if log.power_pct is None)
@@ -332,10 +332,10 @@ def fit_together(
                          "logs that all contain it, or none, are fitted together")
     parts, notes = [], []
     for log in logs:
-        _check_given(log, bounds, given.power_before_pct)
-        _refuse_largest_power(log, given)
+        _check_given(log, bounds, options.power_before_pct)
+        _refuse_largest_power(log, options)
         _refuse_disturbance(log)
-        used, own_notes = _used(log, given)
+        used, own_notes = _used(log, options)
         parts.append(used)
         notes += [f"{log.name}: {note}" for note in own_notes]
     names = [log.name for log in logs]
@@ -343,30 +343,30 @@ def fit_together(
         raise InputError(f"{', '.join(names)}: the same log twice adds nothing; name different ones")
     progress(f"fitting one heater to {' and '.join(names)}")
     if powered:
-        fit_all = partial(_together, bounds=bounds, power_before_pct=given.power_before_pct, seed=seed, delays=delays)
+        fit_all = partial(_together, bounds=bounds, power_before_pct=options.power_before_pct, seed=seed, delays=delays)
         if any("cooling" in log.signals for log in parts):
-            fitted, parts = fit_two_way(parts, fit_all)
+            joint, parts = fit_two_way(parts, fit_all)
         else:
-            fitted = fit_all(parts)
+            joint = fit_all(parts)
     else:
         for log in logs:
             _demand_laws(log, laws)
             _refuse_bound(log, delays)
-        fitted = fit_temperature(
-            parts, laws, ambient_degC=bounds, seed=seed, largest_power_pct=given.largest_power_pct)
-    fitted = with_neighbours(delays.apply_to(replace(fitted, notes=(*notes, *fitted.notes)), parts), alone=given.alone)
-    return _of_files(fitted, logs, parts)
+        joint = fit_temperature(
+            parts, laws, ambient_degC=bounds, seed=seed, largest_power_pct=options.largest_power_pct)
+    joint = with_neighbours(delays.apply_to(replace(joint, notes=(*notes, *joint.notes)), parts), alone=options.alone)
+    return _of_files(joint, logs, parts)
 
 
 def _of_files(fitted: FittedModel, logs: Sequence[Log], used: Sequence[Log]) -> FittedModel:
     """Return the fit with the read summary of each file, and its findings; `used`: the part of each that was fitted."""
-    taken = [log.taken for log in logs if log.taken is not None]
+    summaries = [log.taken for log in logs if log.taken is not None]
     repaired = [f"{reading.file}: {reading.repaired_share:.2%} of {reading.rows_read} rows were left out or repaired"
-                for reading in taken if reading.repaired_share > MOST_REPAIRED]
+                for reading in summaries if reading.repaired_share > MOST_REPAIRED]
     units = unit_findings(fitted, logs)
     wrong = [f"{each.message[0].upper()}{each.message[1:]}." for each in units if each.name == "unit-contradicted"]
     return replace(
-        fitted, log_summary=tuple(reading.line for reading in taken), notes=(*fitted.notes, *wrong),
+        fitted, log_summary=tuple(reading.line for reading in summaries), notes=(*fitted.notes, *wrong),
         findings=(*fitted.findings, *(Finding(name="repaired", message=sentence) for sentence in repaired),
                   *units, *unit_change_findings(used), *neighbour_findings(logs)),
     )
@@ -428,8 +428,8 @@ def _used(log: Log, settings: FitSettings) -> tuple[Log, tuple[str, ...]]:
         return log, (*notes, f"Readings after {end:g} s were not used.")
     if log.power_pct is not None:  # it is fitted in segments
         return log, notes
-    used, told = undisturbed_part(log)
-    return used, (*notes, *told)
+    used, part_notes = undisturbed_part(log)
+    return used, (*notes, *part_notes)
 
 
 def _cleared(
@@ -545,8 +545,8 @@ def _begun_at_degC(log: Log, explanation: Explanation) -> float | None:
     first = log.temperature_degC[: on[0] if len(on) else 0]
     if not len(first) or is_sensible(explanation.problems[0], explanation.fits[0]):
         return None
-    begun = float(np.median(first))
-    return begun if explanation.fits[0].linear[AMBIENT] > begun else None
+    initial_degC = float(np.median(first))
+    return initial_degC if explanation.fits[0].linear[AMBIENT] > initial_degC else None
 
 
 def _nearest_end(explanation: Explanation, ambient_degC: Bounds) -> float | None:

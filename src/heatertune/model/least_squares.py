@@ -82,8 +82,8 @@ def minimise(
         resting[live] = np.where(gained > tolerance, 0, resting[live] + (better | (damping[live] > 1e3)))
         damping[live] = np.clip(np.where(better, damping[live] / 3.0, damping[live] * 4.0), *_DAMPING)
         moved[live] = better
-        taken = live[better]
-        z[taken], r[taken], cost[taken] = trial[better], r_new[better], cost_new[better]
+        indices = live[better]
+        z[indices], r[indices], cost[indices] = trial[better], r_new[better], cost_new[better]
     return Minima(z, cost)
 
 
@@ -116,13 +116,13 @@ def _step(
     z: Array, gradient: Array, normal: Array, free: npt.NDArray[np.intp], low: Array, high: Array, damping: Array
 ) -> Array:
     """Return the damped Gauss–Newton step of the free parameters, as shares of their ranges, shape (n, q)."""
-    held = ((z[:, free] <= low[free]) & (gradient > 0)) | ((z[:, free] >= high[free]) & (gradient < 0))
+    at_bound = ((z[:, free] <= low[free]) & (gradient > 0)) | ((z[:, free] >= high[free]) & (gradient < 0))
     diagonal = np.diagonal(normal, axis1=1, axis2=2)
     floor = 1e-9 * diagonal.max(axis=1, keepdims=True) + 1e-12
     unit = np.eye(len(free))
     damped = normal + (damping[:, None] * np.maximum(diagonal, floor))[:, :, None] * unit
-    damped = np.where(~held[:, :, None] & ~held[:, None, :], damped, unit)
-    step = np.where(held, 0.0, -gradient)
+    damped = np.where(~at_bound[:, :, None] & ~at_bound[:, None, :], damped, unit)
+    step = np.where(at_bound, 0.0, -gradient)
     compile_function(_solve)(damped, step)
     return step
 

@@ -38,9 +38,9 @@ def _tangent(model: LossFopdt | LossTwoLag, degC: float) -> HeaterModel:
     room = _room(model)
     line = tangent_at(degC, model.gain_degC_per_pct, model.time_constant_s, room, model.loss.loss(room))
     lags = sorted((line.lag, *model.lags_s[1:]))
-    named = {"gain_degC_per_pct": line.gain, "time_constant_s": lags[-1], "dead_time_s": model.dead_time_s,
-             "ambient_degC": line.ambient}
-    return Fopdt(**named) if len(lags) == 1 else TwoLag(**named, second_time_constant_s=lags[0])
+    parameters = {"gain_degC_per_pct": line.gain, "time_constant_s": lags[-1], "dead_time_s": model.dead_time_s,
+                  "ambient_degC": line.ambient}
+    return Fopdt(**parameters) if len(lags) == 1 else TwoLag(**parameters, second_time_constant_s=lags[0])
 
 
 def _tangents(model: LossFopdt | LossTwoLag) -> tuple[HeaterModel, ...]:
@@ -109,7 +109,7 @@ def _simulated(model: HeaterModel, time: Array, power: Array, room: float, befor
     sensor = model.lags_s[1] if len(model.lags_s) > 1 else 0.0
     edges = [*(time + model.dead_time_s).tolist(), math.inf]
     levels = [before, *power.tolist()]
-    mass = seen = rest_degC(model, before, room)
+    mass = reading = rest_degC(model, before, room)
     now, place, rows = float(time[0]), 0, []
     for until in time.tolist():
         while now < until:
@@ -119,12 +119,12 @@ def _simulated(model: HeaterModel, time: Array, power: Array, room: float, befor
             line = tangent_at(mass, model.gain_degC_per_pct, model.lags_s[0], room, loss)
             target = line.ambient + line.gain * levels[place]
             if sensor > 0.0:
-                seen, mass = advance_step(seen, mass, target, factors(end - now, sensor, line.lag))
+                reading, mass = advance_step(reading, mass, target, factors(end - now, sensor, line.lag))
             else:
-                seen, _ = advance_step(mass, mass, target, factors(end - now, line.lag, 0.0))
-                mass = seen
+                reading, _ = advance_step(mass, mass, target, factors(end - now, line.lag, 0.0))
+                mass = reading
             now = end
-        rows.append(seen)
+        rows.append(reading)
     return np.array(rows)
 
 

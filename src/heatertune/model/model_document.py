@@ -270,11 +270,11 @@ class ValidationView:
     @classmethod
     def of(cls, validation: Validation) -> ValidationView:
         """Return their document."""
-        held, halves = validation.held_out, validation.halves
+        parts, halves = validation.held_out, validation.halves
         windows = tuple(_Window(start_s=start, end_s=end, rmse_degC=rmse)
-                        for (start, end), rmse in zip(held.windows_s, held.rmses_degC, strict=True))
+                        for (start, end), rmse in zip(parts.windows_s, parts.rmses_degC, strict=True))
         return cls(
-            whiteness=WhitenessView.of(validation.ljung_box), held_out=construct_from(_HeldOut, held, windows=windows),
+            whiteness=WhitenessView.of(validation.ljung_box), held_out=construct_from(_HeldOut, parts, windows=windows),
             input_crosscorrelation=CorrelationView.of(validation.input_correlation),
             halves=None if halves is None else _Halves(
                 parts=(_half(halves[0]), _half(halves[1])), disagree=disagreeing_parameters(halves)))
@@ -282,10 +282,10 @@ class ValidationView:
     @property
     def value(self) -> Validation:
         """The checks."""
-        seen, halves = self.input_crosscorrelation, self.halves
+        correlation, halves = self.input_crosscorrelation, self.halves
         return Validation(
             ljung_box=self.whiteness.ljung_box, held_out=self.held_out.value,
-            input_correlation=None if seen is None else construct_from(InputCorrelation, seen),
+            input_correlation=None if correlation is None else construct_from(InputCorrelation, correlation),
             halves=None if halves is None else (halves.parts[0].value, halves.parts[1].value))
 
 

@@ -638,8 +638,8 @@ class FittedModel(NotebookDisplay, Dynamics):
     @property
     def heaters(self) -> tuple[tuple[str, HeaterModel], ...]:
         """Every plausible heater, once, with its label and a plausible dead time; without candidates the model."""
-        given = [(c.label, c.model) for c in self.candidates] or [("by hand", self.model)]
-        return self._believed(given)
+        labelled_models = [(c.label, c.model) for c in self.candidates] or [("by hand", self.model)]
+        return self._believed(labelled_models)
 
     @property
     def plants(self) -> tuple[HeaterModel, ...]:
@@ -649,8 +649,8 @@ class FittedModel(NotebookDisplay, Dynamics):
     @property
     def hypothetical(self) -> tuple[HeaterModel, ...]:
         """The plausible heaters that are not ends of an interval; samples are drawn around these."""
-        given = [(c.label, c.model) for c in self.candidates if not c.part] or [("by hand", self.model)]
-        return tuple(model for _, model in self._believed(given))
+        labelled_models = [(c.label, c.model) for c in self.candidates if not c.part] or [("by hand", self.model)]
+        return tuple(model for _, model in self._believed(labelled_models))
 
     def with_delay(self, delay_s: float) -> FittedModel:
         """Return the fit with every dead time longer by a delay of the loop.

@@ -204,10 +204,10 @@ class _ConstantPowerResponse:
 
     def _turns(self, length: float) -> tuple[float, ...]:
         """Return where the slope vanishes within the length: never with one lag, at most once with two."""
-        begun, ended = self._begun, self.after(length)
-        if self._inner == 0.0 or (begun.inner - begun.outer) * (ended.inner - ended.outer) >= 0.0:
+        start, ended = self._begun, self.after(length)
+        if self._inner == 0.0 or (start.inner - start.outer) * (ended.inner - ended.outer) >= 0.0:
             return ()
-        return (turning_time(*begun, self._target, self._outer, self._inner),)
+        return (turning_time(*start, self._target, self._outer, self._inner),)
 
 
 def _ambient(model: HeaterModel) -> float:

@@ -148,10 +148,10 @@ def interval(values: Array, low: float, high: float) -> Interval:
 
     Values that are not finite are ignored; if there are no others, both ends are open.
     """
-    known = values[np.isfinite(values)]
-    if not len(known):
+    finite = values[np.isfinite(values)]
+    if not len(finite):
         return Interval(low=None, high=None)
-    lower, upper = percentile_interval(known)
+    lower, upper = percentile_interval(finite)
     margin = 1e-9 * (high - low) if np.isfinite(high - low) else 0.0
     return Interval(low=None if lower <= low + margin else lower, high=None if upper >= high - margin else upper)
 
@@ -261,9 +261,9 @@ def _medians(values: Array, begun: npt.NDArray[np.intp] | None) -> Array:
 
 
 def _median(values: Array, neighbours: int = _NEIGHBOURS) -> Array:
-    beside = np.pad(values, (neighbours // 2, neighbours - 1 - neighbours // 2), mode="edge")
+    extension = np.pad(values, (neighbours // 2, neighbours - 1 - neighbours // 2), mode="edge")
     # for an even number the upper of the middle two, as SciPy's median_filter, whose import takes longer than this
-    windows = np.lib.stride_tricks.sliding_window_view(beside, neighbours)
+    windows = np.lib.stride_tricks.sliding_window_view(extension, neighbours)
     return np.partition(windows, neighbours // 2)[:, neighbours // 2]
 
 
@@ -344,7 +344,7 @@ def _part_flags(time_s: Array, part: tuple[int, int]) -> str:
 
 
 def interruption_note(log: Log) -> str:
-    """Return what to do about stretches without power in a loop, through which the temperature falls far; or nothing.
+    """Return the advice about stretches without power in a loop, through which the temperature falls far; or nothing.
 
     Args:
         log: of a closed loop, with power.

@@ -155,9 +155,9 @@ def _with_zero(rises: Array, lags: list[float], sample_time_s: float) -> list[tu
     if len(lags) < 2 or lags[1] == lags[0]:
         return []
     slow, fast = lags
-    kept = np.exp(-sample_time_s / np.array(lags))
+    decay = np.exp(-sample_time_s / np.array(lags))
     left = 1.0 - rises
-    of_slow = (left[1] - left[0] * kept[1]) / (kept[0] - kept[1])
+    of_slow = (left[1] - left[0] * decay[1]) / (decay[0] - decay[1])
     of_fast = left[0] - of_slow
     if of_slow <= 0.0 or of_fast <= 0.0:
         return []

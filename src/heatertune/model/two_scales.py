@@ -61,7 +61,7 @@ class TwoScale(TwoLag):
                      dead_time_s=self.dead_time_s, ambient_degC=self.ambient_degC)
 
     def with_neighbours(self, heaters: int) -> TwoScale:
-        """Return what a controller sees where so many equal heaters share the mass and all of them move alike.
+        """Return the model a controller sees where so many equal heaters share the mass and all of them move alike.
 
         Then no heater loses heat to another one: the temperature begins to rise as before (gain·share/T2), and the gain
         is larger, at most by the number of heaters, and at most that of one lag T1 which begins to rise like this. Of

@@ -125,32 +125,32 @@ def validate(
     if log.disturbance is not None:
         raise InputError(f"{log.name}: a model is run with the power alone, without what the disturbance does; leave "
                          "it out with --disturbance-column none, and --until the instant before it changes")
-    asked = merge_options(ValidateSettings, settings, changed)
-    if asked.until_s is not None:
-        log = log.window(float(log.time_s[0]), asked.until_s)
+    options = merge_options(ValidateSettings, settings, changed)
+    if options.until_s is not None:
+        log = log.window(float(log.time_s[0]), options.until_s)
     if log.cooling_pct is not None and fitted.cooling is not None and not fitted.cooling.doubts:
         log = log.with_net_power(fitted.cooling.cooling_gain)
     log.demand_heater_alone("which this model does not know; validate a model that was fitted to a log with both, or "
                             "--until the instant before it cools")
     if cools(fitted):
         about = middle_degC(log)
-        turned = None if asked.ambient_degC is None else 2.0 * about - asked.ambient_degC
+        turned = None if options.ambient_degC is None else 2.0 * about - options.ambient_degC
         return _turned_back(
-            validate(mirror_heater(fitted, about), mirrored_log(log, about), replace(asked, ambient_degC=turned)),
+            validate(mirror_heater(fitted, about), mirrored_log(log, about), replace(options, ambient_degC=turned)),
             about)
-    used, notes = undisturbed_part(log) if asked.until_s is None else (log, ())
+    used, notes = undisturbed_part(log) if options.until_s is None else (log, ())
     labelled: list[tuple[str, HeaterModel]] = [("working model", fitted.model)]
     labelled += [(label, model) for label, model in without_neighbours(fitted).heaters if model != fitted.model]
-    runs = tuple(_run(label, model, used, asked.ambient_degC, asked.power_before_pct) for label, model in labelled)
+    runs = tuple(_run(label, model, used, options.ambient_degC, options.power_before_pct) for label, model in labelled)
     designed_for = [i for i, run in enumerate(runs) if run.model in fitted.plants]
     worst = min(designed_for, key=lambda i: runs[i].fit_pct)
     limit = MOST_BIAS_PCT / 100.0 * float(np.ptp(replace_outliers(used.temperature_degC)))
     bias = max((runs[i].bias_degC for i in designed_for), key=abs)
-    kept = {"fit": runs[worst].fit_pct >= asked.least_fit_pct, "bias": abs(bias) <= limit}
-    fails = tuple(name for name, is_kept in kept.items() if not is_kept)
-    meaning = _verdict_notes(runs, worst, len(designed_for), fails, asked.least_fit_pct, limit)
+    checks = {"fit": runs[worst].fit_pct >= options.least_fit_pct, "bias": abs(bias) <= limit}
+    fails = tuple(name for name, is_kept in checks.items() if not is_kept)
+    meaning = _verdict_notes(runs, worst, len(designed_for), fails, options.least_fit_pct, limit)
     return Verdict(
-        log=log.name, runs=runs, worst=worst, least_fit_pct=asked.least_fit_pct, bias_degC=bias, most_bias_degC=limit,
+        log=log.name, runs=runs, worst=worst, least_fit_pct=options.least_fit_pct, bias_degC=bias, most_bias_degC=limit,
         fails=fails, notes=(*notes, *feedback_notes(used), *meaning),
     )
 
@@ -171,9 +171,9 @@ def _run(label: str, model: HeaterModel, log: Log, ambient_degC: float | None,
         two_lags=isinstance(model, TwoLag), power_before_pct=before,
     ) for before in ((None, 0.0) if before_pct is None else (before_pct,))]
     own = model.ambient_degC if ambient_degC is None else ambient_degC
-    held = [_simulated(problem, model, math.nan if own is None else own) for problem in problems]
-    place = min(range(len(problems)), key=lambda i: float(np.sum(held[i][0] ** 2)))
-    problem, (residuals, linear) = problems[place], held[place]
+    solutions = [_simulated(problem, model, math.nan if own is None else own) for problem in problems]
+    place = min(range(len(problems)), key=lambda i: float(np.sum(solutions[i][0] ** 2)))
+    problem, (residuals, linear) = problems[place], solutions[place]
     free, freely = _simulated(problem, model, math.nan)
     record = problem.readings.temperature_degC
     return ValidationRun(
@@ -234,11 +234,11 @@ def _verdict_notes(
             f"With an ambient of {best.free_ambient_degC:.3g} °C instead of {best.ambient_degC:.3g} °C it would "
             f"explain {best.free_fit_pct:.1f} %: if the room was that warm, give --ambient."
         )
-    seen = best.input_correlation
-    if seen is not None and not seen.ok:
+    test = best.input_correlation
+    if test is not None and not test.ok:
         notes.append(
-            f"What is left still follows the power, most after {seen.at_lag_s:.3g} s (correlation {seen.largest:+.2f}, "
-            f"by chance up to {seen.limit:.2f}): gain, lags or dead time are not quite those of this log."
+            f"What is left still follows the power, most after {test.at_lag_s:.3g} s (correlation {test.largest:+.2f}, "
+            f"by chance up to {test.limit:.2f}): gain, lags or dead time are not quite those of this log."
         )
     return notes
 

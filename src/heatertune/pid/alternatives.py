@@ -68,7 +68,7 @@ def front(
         document = front(mirror_heater(fitted), structure=structure, ms_low=ms_low, ms_high=ms_high, points=points,
                          sample_time_s=sample_time_s, progress=progress, **specs)
         return document | {"rows": [row | {"gain_pct_per_degC": -row["gain_pct_per_degC"]} for row in document["rows"]]}
-    wanted = Specs(ms=ms_high, **specs)
+    base = Specs(ms=ms_high, **specs)
     if sample_time_s is None:
         half_way = {"ms": 0.5 * (ms_low + ms_high), **specs}
         sample_time_s = tune(fitted, TuneSettings(structure=structure, **half_way), progress=progress).sample_time_s
@@ -76,12 +76,12 @@ def front(
     least = math.inf
     for number, ms in enumerate(np.linspace(ms_low, ms_high, points), 1):
         progress(f"tuning with Ms <= {ms:.3g} ({number} of {points})")
-        row = _row(fitted, structure, replace(wanted, ms=float(ms)), sample_time_s)
+        row = _row(fitted, structure, replace(base, ms=float(ms)), sample_time_s)
         rows.append(row | {"on_front": row["cost"] < least * (1.0 - 1e-3)})
         least = min(least, row["cost"])
     return {
-        "schema": SCHEMA, "structure": structure, "sample_time_s": sample_time_s, "objective": wanted.objective,
-        "weight": wanted.weight, "cost": _cost_name(wanted), "rows": rows,
+        "schema": SCHEMA, "structure": structure, "sample_time_s": sample_time_s, "objective": base.objective,
+        "weight": base.weight, "cost": _cost_name(base), "rows": rows,
     }
 
 

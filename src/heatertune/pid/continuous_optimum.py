@@ -482,8 +482,8 @@ def _descend(problem: ContinuousProblem, start: Point) -> PidDesign:
 
 def _sharpened(problem: ContinuousProblem, design: PidDesign) -> PidDesign:
     """Return the optimum on the finest frequencies; on those of the search a PID's cost ends up to 5e-5 above it."""
-    begun: Point = (math.inf, *_settings(design))
-    point = _refine(problem, _EXACT, begun, 0.02, 1e-4)
+    start: Point = (math.inf, *_settings(design))
+    point = _refine(problem, _EXACT, start, 0.02, 1e-4)
     better = _finish(problem, point) if math.isfinite(point[0]) else design
     return min((design, better), key=problem.cost)
 
@@ -558,11 +558,11 @@ def tune_continuous(
     best, checked = global_optimum(problem)
     notes = [_TOLD, checked]
     if robust != "none":
-        kept = robust_design(
+        strategy = robust_design(
             Open.of(fitted, robust), specs, robust, lambda guards: optimum(replace(problem, guards=guards)), best)
-        problem = replace(problem, guards=kept.guards)
-        notes = [_TOLD, kept.sentence(problem.cost(best), problem.cost(kept.design))]
-        best = replace(kept.design, promise=Promise(way=robust, limits=specs.limits))
+        problem = replace(problem, guards=strategy.guards)
+        notes = [_TOLD, strategy.sentence(problem.cost(best), problem.cost(strategy.design))]
+        best = replace(strategy.design, promise=Promise(way=robust, limits=specs.limits))
     design = assess_design(fitted, best)
     notes += [*_explained(problem, design), *_plainer(problem, design)]
     notes += heating_cooling_notes(fitted, design, partial(_alone, problem))

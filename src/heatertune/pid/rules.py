@@ -534,16 +534,16 @@ def apply_rule(
     """
     rule = _rule(method)
     if structure not in rule.formulas:
-        given = " and ".join(name.upper() for name in rule.formulas)
-        raise InputError(f"{method} gives {given} settings, none for {structure.upper()}; "
+        settings = " and ".join(name.upper() for name in rule.formulas)
+        raise InputError(f"{method} gives {settings} settings, none for {structure.upper()}; "
                          "use another --structure or --method")
     if closed_loop_s is not None:
         check("closed_loop_s", closed_loop_s, above=0.0)
         if rule.closed_loop is None:
             open_ones = ", ".join(name for name, other in RULES.items() if other.closed_loop is not None)
             raise InputError(f"{method} has no free closed-loop time constant; rules that have one: {open_ones}")
-    seen = _as_sampled(model, sample_time_s)
-    printed = rule.formulas[structure](seen, closed_loop_s)
+    sampled_model = _as_sampled(model, sample_time_s)
+    printed = rule.formulas[structure](sampled_model, closed_loop_s)
     gain, integral, derivative = series_to_ideal(*printed) if rule.form == "series" else printed
     if integral <= 0.0 or derivative < 0.0:
         raise InputError(f"{method} gives K = {gain:.4g} %/°C, TN = {integral:.4g} s, TV = {derivative:.4g} s here, "

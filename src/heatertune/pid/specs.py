@@ -196,11 +196,11 @@ def explain(
 
 
 def _sentence(specs: Specs, name: str, cost: float, solve: Callable[[Specs], float]) -> str:
-    limit, called = specs.limits[name], _NAMES[name]
+    limit, title = specs.limits[name], _NAMES[name]
     try:
         looser = specs.with_limit(name, limit * LOOSER)
     except InputError:  # beyond the allowed range of a limit
-        return f"{called} is at its limit of {limit:g}, the largest possible."
+        return f"{title} is at its limit of {limit:g}, the largest possible."
     gained = 100.0 * (1.0 - solve(looser) / cost) if cost > 0.0 else 0.0
     worth = f"the cost would be {gained:.1f} % lower" if gained >= 0.05 else "there would be no gain"
-    return f"{called} is at its limit of {limit:g}; with {called} <= {limit * LOOSER:.4g} {worth}."
+    return f"{title} is at its limit of {limit:g}; with {title} <= {limit * LOOSER:.4g} {worth}."

@@ -92,15 +92,15 @@ def tune(
         InputError: no design keeps the limits, or the rule has no such structure or no closed-loop time, or
             robustness is requested for a rule or for a fit without intervals.
     """
-    asked = merge_options(TuneSettings, settings, changed)
+    options = merge_options(TuneSettings, settings, changed)
     if cools(fitted):
-        design = tune(mirror_heater(fitted), asked, timer=timer, derivative_filter=derivative_filter,
+        design = tune(mirror_heater(fitted), options, timer=timer, derivative_filter=derivative_filter,
                       most_gain=most_gain, resolution_degC=resolution_degC, progress=progress)
         return replace(design, gain_pct_per_degC=-design.gain_pct_per_degC)
-    method, structure, robust, closed_loop_s = asked.method, asked.structure, asked.robust, asked.closed_loop_s
-    refuse_contradictions(asked)
-    plants, sample_time_s = fitted.plants, asked.sample_time_s
-    specs = _specs(asked)
+    method, structure, robust, closed_loop_s = options.method, options.structure, options.robust, options.closed_loop_s
+    refuse_contradictions(options)
+    plants, sample_time_s = fitted.plants, options.sample_time_s
+    specs = _specs(options)
     specs.refuse_contradictions(plants, structure)
     if sample_time_s == 0.0:
         return tune_continuous(
@@ -108,8 +108,8 @@ def tune(
         )
     check("derivative_filter", derivative_filter, least=0.0, most=0.99)
     if method == "optimum":
-        refuse_boundless(plants, structure, asked.mks)
-    problem = replace(stated_problem(fitted, asked, sample_time_s or 1.0, resolution_degC=resolution_degC),
+        refuse_boundless(plants, structure, options.mks)
+    problem = replace(stated_problem(fitted, options, sample_time_s or 1.0, resolution_degC=resolution_degC),
                       derivative_filter=derivative_filter)
     if most_gain is not None:
         problem = replace(problem, most_gain=most_gain)
@@ -186,29 +186,29 @@ def _improved(
     problem: Problem, fitted: FittedModel, design: PidDesign, robust: str, progress: Callable[[str], object]
 ) -> tuple[PidDesign, list[str]]:
     """Return the design of the search improved by IPOPT and with its robustness constraints, and the notes."""
-    kept: RobustDesign | None = None
+    strategy: RobustDesign | None = None
     heaters: Open | None = None
     plain, plainly = design, problem
     if robust != "none":
         progress("keeping the limits on heaters sampled from the fit")
         heaters = Open.of(fitted, robust)
-        kept = robust_design(
+        strategy = robust_design(
             heaters, problem.specs, robust, lambda guards: search(replace(plainly, guards=guards)), plain
         )
-        problem, design = replace(problem, guards=kept.guards), kept.design
+        problem, design = replace(problem, guards=strategy.guards), strategy.design
     notes = []
     if problem.structure != "p":
         progress("improving the optimum by a second method")
         polished, comparison = polish(problem, design)
-        better = None if kept is None or heaters is None else kept.with_design(heaters, problem.specs, polished)
-        if kept is not None and better is None:
+        better = None if strategy is None or heaters is None else strategy.with_design(heaters, problem.specs, polished)
+        if strategy is not None and better is None:
             comparison = ("IPOPT's optimum would break a limit on the sampled heaters; the result of the "
                           "feasible-set search is used.")
         else:
-            design, kept = polished, better
+            design, strategy = polished, better
         notes = [comparison, *_explained(problem, design)]
-    if kept is not None:
-        notes.insert(0, kept.sentence(problem.cost(plain), problem.cost(design)))
+    if strategy is not None:
+        notes.insert(0, strategy.sentence(problem.cost(plain), problem.cost(design)))
         design = replace(design, promise=Promise(way=robust, limits=problem.specs.limits))
     return design, notes
 
@@ -283,8 +283,8 @@ def settle(
     for count in range(1, _ROUNDS + 1):
         progress(f"tuning with TA = {ta:g} s")
         design = one_round(ta, design)
-        wanted = _trdom(plants, design) / _SAMPLES_PER_TRDOM
-        following = timer.round(wanted) if math.isfinite(wanted) else ta
+        aim_s = _trdom(plants, design) / _SAMPLES_PER_TRDOM
+        following = timer.round(aim_s) if math.isfinite(aim_s) else ta
         if abs(following - ta) <= max(_SETTLED * ta, timer.step_s):
             return design, count
         # half way in the logarithm: the design answers to TA, and whole steps can swing
@@ -329,11 +329,11 @@ def _told_about_log(design: PidDesign, fitted: FittedModel, timer: Timer, given_
 
 def _told_about_stop(design: PidDesign, timer: Timer, trdom: float) -> list[str]:
     """Return a sentence if the target's timer determines TA, otherwise an empty list."""
-    ta, wanted = design.sample_time_s, trdom / _SAMPLES_PER_TRDOM
-    for stop, beyond, which in ((timer.longest_s, wanted > ta, "longest"), (timer.shortest_s, wanted < ta, "shortest")):
-        if ta == stop and beyond and abs(wanted - ta) > _SETTLED * ta:
+    ta, aim_s = design.sample_time_s, trdom / _SAMPLES_PER_TRDOM
+    for stop, beyond, which in ((timer.longest_s, aim_s > ta, "longest"), (timer.shortest_s, aim_s < ta, "shortest")):
+        if ta == stop and beyond and abs(aim_s - ta) > _SETTLED * ta:
             return [f"TA = {ta:g} s is the {which} interval of the timer; TRdom/{_SAMPLES_PER_TRDOM:g} would be "
-                    f"{written(wanted, 3)} s."]
+                    f"{written(aim_s, 3)} s."]
     return []
 
 

@@ -310,10 +310,10 @@ class Controller(SetpointHandling, ABC):
         Raises:
             NotRepresentable: TA is no interval of the timer, or a word does not fit; it tells what would.
         """
-        kept, fields = timer_interval_s(self.timer, design.sample_time_s), {field.name: field for field in self.fields}
+        ta_s, fields = timer_interval_s(self.timer, design.sample_time_s), {field.name: field for field in self.fields}
         values = {name: round_to_word(fields[name], value) for name, value in self.values(design, scaling).items()}
-        held = kept if self.interval_s is None else self.interval_s(values)
-        return Words(target=self.name, values=values, scaling=scaling, sample_time_s=held)
+        interval_s = ta_s if self.interval_s is None else self.interval_s(values)
+        return Words(target=self.name, values=values, scaling=scaling, sample_time_s=interval_s)
 
     @final
     def decode(self, words: Words) -> PidDesign | None:
@@ -382,9 +382,9 @@ class Controller(SetpointHandling, ABC):
         if self.consistent is not None:
             self.consistent(words)
         check("sample_time_s", words.sample_time_s, above=0.0)
-        held = words.sample_time_s if self.interval_s is None else self.interval_s(words.values)
-        if abs(words.sample_time_s - held) > 1e-9:
-            raise OutOfRange("sample_time_s", words.sample_time_s, f"what the words hold, {held:g} s")
+        interval_s = words.sample_time_s if self.interval_s is None else self.interval_s(words.values)
+        if abs(words.sample_time_s - interval_s) > 1e-9:
+            raise OutOfRange("sample_time_s", words.sample_time_s, f"what the words hold, {interval_s:g} s")
 
     @final
     def read_image(self, image: bytes, *, sample_time_s: float, scaling: Scaling, source: str) -> Words:

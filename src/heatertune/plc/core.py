@@ -135,7 +135,7 @@ class StepFunctions:
         return ControllerState(running.parameters, state), self.scan_result(outcome)
 
     def scan_result(self, outcome: Sequence[Any]) -> Scan:
-        """Return what `step` gave beside the state, the flags by name."""
+        """Return the results of `step` other than the state, the flags by name."""
         power_pct, output, bits = outcome
         flags = {name: bool(bits >> place & 1) for place, name in enumerate(self.flags)}
         return Scan(power_pct=power_pct, output=output, flags=flags)

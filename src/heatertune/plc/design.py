@@ -56,13 +56,13 @@ def tune(
     """
     from heatertune.pid.tune import tune as tune_model
 
-    named = ("settings", "target", "scaling", "progress")
-    tuning, sensing = split_options(changed, TuneSettings, SensorSettings, also=named)
-    asked, fitted = merge_options(TuneSettings, settings, tuning), fitted_model_of(fitted)
+    own_names = ("settings", "target", "scaling", "progress")
+    tuning, sensing = split_options(changed, TuneSettings, SensorSettings, also=own_names)
+    options, fitted = merge_options(TuneSettings, settings, tuning), fitted_model_of(fitted)
     refuse_unused_limits(merge_options(TuneSettings, None, tuning))  # of the user, not of a search
     target = None if target is None else target_by_name(target)
     scaling = stated_scaling(target, scaling, sensing)
-    held: dict[str, Any] = {}
+    args: dict[str, Any] = {}
     delay: list[str] = []
     most_gain: Callable[[PidDesign], float] | None = None
     if target is not None:
@@ -70,15 +70,15 @@ def tune(
         fitted, seconds = loop_fit(fitted, target, sensor), its.delayed_s(sensor)
         if seconds > 0.0:
             delay = [f"Tuned with {seconds:g} s more dead time, the delay of {target}'s input and output."]
-        held = {"timer": its.timer, "derivative_filter": its.derivative_filter,
+        args = {"timer": its.timer, "derivative_filter": its.derivative_filter,
                 "resolution_degC": sensor.span_degC / its.sensor(sensor).counts}
         if its.most_gain is not None:
             most_gain = partial(its.most_gain, sensor)
-    inputs = {"model": _essence(fitted), "settings": asdict(asked), "held": {name: repr(held[name]) for name in held},
+    inputs = {"model": _essence(fitted), "settings": asdict(options), "held": {name: repr(args[name]) for name in args},
               "most_gain": target if most_gain else None}
 
     def run() -> dict[str, Any]:
-        return pid_document.to_document(tune_model(fitted, asked, most_gain=most_gain, progress=progress, **held))
+        return pid_document.to_document(tune_model(fitted, options, most_gain=most_gain, progress=progress, **args))
 
     design = cache.load_or_compute("tune", inputs, run, pid_document.from_document, progress=progress)
     return replace(design, notes=(*design.notes, *delay))
@@ -121,7 +121,7 @@ def stated_scaling(
 
 @lru_cache(_KEPT)
 def _essence(fitted: FittedModel) -> dict[str, Any]:
-    """Return what a design depends on: the working model and the candidates."""
+    """Return the inputs of a design: the working model and the candidates."""
     document = model_document.to_document(fitted)
     return {key: document[key] for key in document if key not in _TOLD}
 

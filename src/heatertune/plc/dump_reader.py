@@ -41,7 +41,7 @@ class Machine(NamedTuple):
 
 
 def content_of(path: str | Path) -> bytes:
-    """Return what a dump or text holds.
+    """Return the content of a dump or text.
 
     Raises:
         InputError: it cannot be read.

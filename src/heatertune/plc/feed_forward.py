@@ -43,7 +43,7 @@ class FeedForward:
     switched: bool = False
 
     def at(self, level: float, counts: int) -> Number:
-        """Return what the input holds at a level of the disturbance, read in so many counts; beyond its range: its end.
+        """Return the input's value at a level of the disturbance, read in so many counts; beyond its range: its end.
 
         A whole input is cut towards zero, a REAL computed as the exported program does.
         """

@@ -138,8 +138,8 @@ def has_ends(ranges: Mapping[str, Range], name: str | None) -> bool:
 def describe_range(scaling: Scaling) -> str:
     """Return the sensor's range, and which one of the module is told, in a few words."""
     low, high = scaling.sensor_degC
-    told = f"{low:.6g}…{high:.6g} °C"
-    return told if scaling.input is None else f"{told} ({INPUTS[scaling.input]})"
+    text = f"{low:.6g}…{high:.6g} °C"
+    return text if scaling.input is None else f"{text} ({INPUTS[scaling.input]})"
 
 
 def share_of(current_ma: float, range_: Range) -> float:

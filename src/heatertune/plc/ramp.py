@@ -97,9 +97,9 @@ class Ramp:
     def __str__(self) -> str:
         """Return it as told to people."""
         unit = "units" if isinstance(self.step, int) else "°C"
-        held = "" if self.hold is None else f", held within {abs(self.hold):.9g} {unit} of the reading"
+        holdback = "" if self.hold is None else f", held within {abs(self.hold):.9g} {unit} of the reading"
         cooler = " (of a cooler)" if self.cools else ""
-        return f"{self.step:.9g} {unit} every {'call' if self.calls == 1 else f'{self.calls} calls'}{held}{cooler}"
+        return f"{self.step:.9g} {unit} every {'call' if self.calls == 1 else f'{self.calls} calls'}{holdback}{cooler}"
 
     @property
     def cools(self) -> bool:

@@ -293,9 +293,9 @@ def pasted_words(lines: Iterable[tuple[int, str]], vocabulary: PastedNames, sour
     pattern, by_name = vocabulary.pattern()
     fields = {field.name: field for field in vocabulary.fields}
     for line, content in lines:
-        found = list(pattern.finditer(content))
-        for number, match in enumerate(found):
-            ends = found[number + 1].start() if number + 1 < len(found) else len(content)
+        matches = list(pattern.finditer(content))
+        for number, match in enumerate(matches):
+            ends = matches[number + 1].start() if number + 1 < len(matches) else len(content)
             written = match[1].lower()
             name = by_name[written] if written in by_name else by_name[_GAP.sub(" ", written)]
             word = _word(fields[name], content[match.end():ends], line, vocabulary, source)

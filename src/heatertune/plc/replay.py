@@ -22,7 +22,7 @@ def replay(
     controller: Controller, words: Words, rows: Sequence[Mapping[str, Number]],
     switches: Mapping[str, str] | None = None,
 ) -> list[Scan]:
-    """Return what each scan gave, from the cold state on.
+    """Return the result of each scan, from the cold state on.
 
     Args:
         controller: what computes.

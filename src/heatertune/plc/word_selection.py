@@ -380,12 +380,12 @@ def _chosen(rounded: Words, best: IntegerOptimum, fitted: FittedModel, design: P
     plain, real = _realised(rounded, fitted), _realised(words, fitted)
     assert plain is not None
     assert real is not None
-    held = " and ".join(f"{name} = {words.values[name]}" for name in _integers(words) if words.values[name])
+    assignments = " and ".join(f"{name} = {words.values[name]}" for name in _integers(words) if words.values[name])
     left = 100.0 * (1.0 - best.least / best.cost)
     proof = "no other integers are better" if best.proven else f"no other integers are better by more than {left:.2g} %"
     gap, gap_rounded = _gap(real, ideal), _gap(plain, ideal)
     notes = [
-        f"{held} are the best integers with Ms <= {ideal.ms:.5g}: a load disturbance costs {_more(gap)} than "
+        f"{assignments} are the best integers with Ms <= {ideal.ms:.5g}: a load disturbance costs {_more(gap)} than "
         f"the unrounded design; plain rounding costs {_more(gap_rounded)} at Ms = {plain.ms:.5g}.",
         f"The branch-and-bound search evaluated {best.boxes} boxes of integers: {proof}.",
         *_coarse_notes(words, design),

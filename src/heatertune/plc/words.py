@@ -220,7 +220,7 @@ class Certificate:
             None if self.digest is None else f"digest of the proof: {self.digest}",
         ]
         verdict = f"{self.verdict} {self.relaxed}" if self.relaxed else self.verdict
-        lines = (f"verdict of the proof: {verdict}{forced}", *self.lines, *(told for told in conditions if told))
+        lines = (f"verdict of the proof: {verdict}{forced}", *self.lines, *(text for text in conditions if text))
         return tuple(" ".join(line.split()) for line in lines)  # names are the user's: a line must not become two
 
 

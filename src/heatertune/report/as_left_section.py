@@ -37,9 +37,9 @@ _NOT_KNOWN: Final = "not known"
 
 def written(documents: Mapping[str, Document]) -> str:
     """Return each write to the PLC as HTML; empty if there was none."""
-    found = documents.get("written")
-    return "" if found is None else "<h2>Written into the PLC</h2>" + "".join(
-        _passage(one, documents["words"]) for one in found["passages"])
+    record = documents.get("written")
+    return "" if record is None else "<h2>Written into the PLC</h2>" + "".join(
+        _passage(one, documents["words"]) for one in record["passages"])
 
 
 def writes_brief(document: Document, page: str) -> str:
@@ -68,10 +68,10 @@ def _passage(entry: Document, words: Document) -> str:
     watch = entry["watch"]
     drawn = "<p>The response was not watched.</p>" if watch is None else picture(
         plot_watch(watch), "Measured against proven: the response, and the band in which the proof has it.")
-    seen = f"<p>Looked at before: {text_of('; '.join(entry['observations']))}.</p>" if entry["observations"] else ""
+    earlier = f"<p>Looked at before: {text_of('; '.join(entry['observations']))}.</p>" if entry["observations"] else ""
     return (
         f'<section><h3>{_KINDS[entry["kind"]]}: <span class="{mark}">{_outcome(entry)}</span></h3>'
-        f'<dl class="identity">{facts}</dl><p>{_sentence(entry["message"])}</p>{seen}{bullets(entry["notes"])}'
+        f'<dl class="identity">{facts}</dl><p>{_sentence(entry["message"])}</p>{earlier}{bullets(entry["notes"])}'
         f"{table(heads, [*_quantities(entry), *_words(entry, words)], numeric=(1, 2, 3), source=source)}{drawn}"
         "</section>")
 
@@ -138,18 +138,18 @@ def _own(words: Document) -> Iterator[KeyedEntry]:
 def plot_watch(watch: Document) -> Figure:
     """Draw the response over its band; readings outside the band are marked."""
     drawn, (ax,) = new_figure(1, 3.0)
-    time, seen, low, high, asked = (np.asarray(watch[name]) for name in (
+    time, readings, low, high, setpoint_degC = (np.asarray(watch[name]) for name in (
         "time_s", "temperature_degC", "low_degC", "high_degC", "setpoint_degC"))
     ax.fill_between(time, low, high, step="post", color=LOOK["other"]["color"], alpha=0.6, linewidth=0)
     ax.step(time, high, where="post", label="highest that is proven", **LOOK["other"])
     ax.step(time, low, where="post", label="lowest that is proven", **LOOK["other"])
-    ax.plot(time, seen, label="measured", **LOOK["log"])
-    outside = (seen < low) | (seen > high)
+    ax.plot(time, readings, label="measured", **LOOK["log"])
+    outside = (readings < low) | (readings > high)
     if outside.any():
-        ax.plot(time[outside], seen[outside], linestyle="", marker="o", markersize=4, color=LOOK["worst"]["color"],
+        ax.plot(time[outside], readings[outside], linestyle="", marker="o", markersize=4, color=LOOK["worst"]["color"],
                 label="outside")
-    ax.step(time, asked, where="post", label="setpoint", **LOOK["limit"])
-    label_levels(ax, (float(asked[-1]), "setpoint"))
+    ax.step(time, setpoint_degC, where="post", label="setpoint", **LOOK["limit"])
+    label_levels(ax, (float(setpoint_degC[-1]), "setpoint"))
     key(ax, ("measured", "log"), ("the proven band", "other"))
     ax.set(xlabel="time since the words were written [s]", ylabel="temperature [°C]")
     return drawn
@@ -175,10 +175,10 @@ def worst_text(line: Document) -> str:
 def as_left_brief(left: Document, target: str, page: str, *, whole: bool = False) -> str:
     """Return a trace compared with its proof on one screen, or in full with `whole`."""
     count = sum(line["measured"] is not None for line in left["measurements"])
-    said = " ".join(left["messages"]) or (
+    message = " ".join(left["messages"]) or (
         "every figure keeps its limit, and the curve is inside of what the proven runs do")
     where = f"{left['trace']} beside {target} at {left['setpoint_degC']:g} °C"
-    lines = wrap_text(f"{where}: {said}", f"{left['verdict']}  ", 6)
+    lines = wrap_text(f"{where}: {message}", f"{left['verdict']}  ", 6)
     rows = [("", "limit", "proven worst", "measured", "")]
     for line in left["measurements"]:
         if line["measured"] is not None or whole:

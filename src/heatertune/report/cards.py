@@ -69,8 +69,8 @@ def draw_figure(value: object, figure: Figure | None = None) -> tuple[Figure, li
 def thinned(*columns: Any) -> list[Any]:
     """Reduce each column to every n-th value, no more than can be seen; the last is kept."""
     n = len(columns[0])
-    kept = np.unique(np.linspace(0, n - 1, min(n, _POINTS)).astype(int))
-    return [np.asarray(column)[kept] for column in columns]
+    rows = np.unique(np.linspace(0, n - 1, min(n, _POINTS)).astype(int))
+    return [np.asarray(column)[rows] for column in columns]
 
 
 def reaction(design: PidDesign) -> tuple[Array, Array]:
@@ -84,8 +84,8 @@ def reaction(design: PidDesign) -> tuple[Array, Array]:
     ta = design.sample_time_s or (tn if math.isfinite(tn) else 1.0) / (_CONTINUOUS / 2)
     n = np.arange(max(20, math.ceil(2.0 * tn / ta)) if math.isfinite(tn) else 20)
     integral = (n + 1.0) * ta / tn
-    kept = design.derivative_filter
-    derivative = (1.0 - kept) * design.derivative_time_s / ta * np.power(kept, n)
+    decay = design.derivative_filter
+    derivative = (1.0 - decay) * design.derivative_time_s / ta * np.power(decay, n)
     return np.asarray(n * ta, dtype=np.float64), design.gain_pct_per_degC * (1.0 + integral + derivative)
 
 
@@ -202,8 +202,8 @@ def _log(value: Log) -> str:
     rows = [("readings", str(len(value.time_s)), ""), ("duration", figure(float(np.ptp(value.time_s))), "s"),
             _span("temperature", value.temperature_degC, "°C"), _span("heater power", value.power_pct, "%"),
             _span("setpoint", value.setpoint_degC, "°C")]
-    taken = [] if value.taken is None else [value.taken.line]
-    remarks = [*taken, *value.repairs, *value.warnings]
+    summary = [] if value.taken is None else [value.taken.line]
+    remarks = [*summary, *value.repairs, *value.warnings]
     count = f"<summary>{len(remarks)} notes of the reader</summary>"
     notes = f"<details>{count}{bullets(remarks)}</details>" if remarks else ""
     return _card(f"log {value.name}", table(["", "", "unit"], rows, numeric=(1,)), _picture(value), notes)

@@ -38,10 +38,10 @@ def targets_brief(document: Document) -> str:
     """Return one line per controller on one screen: its performance, and its cost compared with the ideal."""
     rows: list[tuple[str, ...]] = [("", "", "settles", "overshoot", "offset", "costs", "")]
     rows += [_brief(row) for row in document["rows"]]
-    told = "costs: how much larger the integral of the error is than that of the ideal controller on this heater"
+    legend = "costs: how much larger the integral of the error is than that of the ideal controller on this heater"
     own = ", ".join(f"{row['target']} {row['sample_time_s']:g} s" for row in document["rows"] if "sample_time_s" in row)
     return "\n".join([
-        _where(document), *map(cut, table(rows, right=(2, 3, 4, 5)).splitlines()), *wrap_text(told),
+        _where(document), *map(cut, table(rows, right=(2, 3, 4, 5)).splitlines()), *wrap_text(legend),
         *(wrap_text(f"TA as the controller has it, not as designed: {own}") if own else [])])
 
 

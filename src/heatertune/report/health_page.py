@@ -69,8 +69,8 @@ def _summary(document: Document) -> str:
     parts += [f"proven words for {passing}"] if passing else []
     parts += [f"{len(document['left_out'])} left out, see below"] if document["left_out"] else []
     changes = Counter(loop["change"] for loop in loops)
-    told = [f"{changes[change]} {change}" for change in ("worse", "better", "new") if changes[change]]
-    parts += [f"since last: {', '.join(told) or 'no change'}"] if document["compared"] else []
+    changes_text = [f"{changes[change]} {change}" for change in ("worse", "better", "new") if changes[change]]
+    parts += [f"since last: {', '.join(changes_text) or 'no change'}"] if document["compared"] else []
     return "; ".join(parts) + "."
 
 
@@ -104,16 +104,16 @@ def _to_do(loop: Loop) -> Markup | str:
     """Return the recommended action, with the parameters if there are any."""
     if loop["outcome"] == _WELL:
         return ""
-    told = text_of(loop["what_to_do"])
+    action = text_of(loop["what_to_do"])
     if loop["words"] is None:
-        return Markup(told + (f" <span class=soft>(no words: {text_of(loop['why'])})</span>" if loop["why"] else ""))
+        return Markup(action + (f" <span class=soft>(no words: {text_of(loop['why'])})</span>" if loop["why"] else ""))
     values = json.loads(loop["words"])
     plain = Words(target=loop["target"], values=values, scaling=Scaling(), sample_time_s=1.0)
     words = ", ".join(f"{name} {text}" for name, text in value_texts(plain, values).items())
     kind = "pass" if loop["verdict"] == "PASS" else "fail"
     why = "" if loop["why"] is None else f" ({text_of(loop['why'])})"
     return Markup(
-        f'{told}: <span class="{kind}">{text_of(loop["verdict"])}</span>{why}, {text_of(loop["target"])}: '
+        f'{action}: <span class="{kind}">{text_of(loop["verdict"])}</span>{why}, {text_of(loop["target"])}: '
         f'<span class="mono">{text_of(words)}</span>; PWM {loop["words_pwm_period_s"]:.3g} s; mean error '
         f"{loop['was_degC']:.2g} → {loop['would_degC']:.2g} °C")
 
@@ -154,8 +154,8 @@ def _lines(document: Document) -> Iterator[str]:
     yield from [f"   and {len(ill) - _SHOWN} more on the page"] if len(ill) > _SHOWN else []
     left = document["left_out"]
     for row in left[:_LEFT]:
-        told = row["reason"] if row["reason"].startswith(row["file"]) else f"{row['file']}: {row['reason']}"
-        yield _cut(f"left out: {told}")
+        reason = row["reason"] if row["reason"].startswith(row["file"]) else f"{row['file']}: {row['reason']}"
+        yield _cut(f"left out: {reason}")
     yield from [f"left out: {len(left) - _LEFT} more on the page"] if len(left) > _LEFT else []
     yield _cut(f"written to {document['page']} and {document['table']}")
 

@@ -68,25 +68,25 @@ def labelled_lines(parts: Mapping[str, Sequence[str]], most: int) -> list[str]:
         parts: label → a few words each, the most important first; a label without parts is omitted.
         most: largest number of lines, at least 1.
     """
-    kept = {label: list(of) for label, of in parts.items() if of}
-    left = dict.fromkeys(kept, 0)
-    width = max(map(len, kept), default=0) + len(_GAP)
+    entries = {label: list(of) for label, of in parts.items() if of}
+    left = dict.fromkeys(entries, 0)
+    width = max(map(len, entries), default=0) + len(_GAP)
 
     def lines(most_each: int | None = None) -> list[str]:
-        told = {label: "; ".join([*of, *([f"and {left[label]} more"] if left[label] else [])])
-                for label, of in kept.items()}
-        return [line for label, text in told.items() for line in wrap_text(text, f"{label:<{width}}", most_each)]
+        texts = {label: "; ".join([*of, *([f"and {left[label]} more"] if left[label] else [])])
+                 for label, of in entries.items()}
+        return [line for label, text in texts.items() for line in wrap_text(text, f"{label:<{width}}", most_each)]
 
-    while len(lines()) > most and any(len(of) > 1 for of in kept.values()):
-        longest = max(kept, key=lambda label: (len(kept[label]) > 1, sum(map(len, kept[label]))))
-        kept[longest].pop()
+    while len(lines()) > most and any(len(of) > 1 for of in entries.values()):
+        longest = max(entries, key=lambda label: (len(entries[label]) > 1, sum(map(len, entries[label]))))
+        entries[longest].pop()
         left[longest] += 1
     if len(lines()) <= most or len(lines(1)) <= most:
         return lines() if len(lines()) <= most else lines(1)
-    beyond = list(kept)[most - 1:]
+    beyond = list(entries)[most - 1:]
     counted = ", ".join(f"{label} ({len(parts[label])})" for label in beyond)
     for label in beyond:
-        del kept[label]
+        del entries[label]
     return [*lines(1), *wrap_text(f"{counted}: --verbose", f"{'more':<{width}}", 1)]
 
 

@@ -88,9 +88,9 @@ def _words(value: Words) -> str:
     controller = controller_for(value.target)
     heads, values, rows = typed_table(typed_words(value))
     faults = () if controller.faults is None else controller.faults(value)
-    called = f"called every {figure(value.sample_time_s)} s; sensor {describe_range(value.scaling)}"
+    rate = f"called every {figure(value.sample_time_s)} s; sensor {describe_range(value.scaling)}"
     shown = table([heads, *rows], right=values)
-    return "\n".join([controller.title, shown, called, *(f"! {fault}" for fault in faults)])
+    return "\n".join([controller.title, shown, rate, *(f"! {fault}" for fault in faults)])
 
 
 @whole_summary.register

@@ -61,9 +61,9 @@ def glossary(body: str) -> str:
     Args:
         body: HTML of the page.
     """
-    found = terms_in(html.unescape(_UNREAD.sub(" ", body)))
-    lines = "".join(f"<dt>{text_of(', '.join(term.names[:2]))}</dt><dd>{text_of(term.meaning)}</dd>" for term in found)
-    return f'<h2>Terms</h2><dl class="terms">{lines}</dl>' if found else ""
+    terms = terms_in(html.unescape(_UNREAD.sub(" ", body)))
+    lines = "".join(f"<dt>{text_of(', '.join(term.names[:2]))}</dt><dd>{text_of(term.meaning)}</dd>" for term in terms)
+    return f'<h2>Terms</h2><dl class="terms">{lines}</dl>' if terms else ""
 
 
 Documents = Mapping[str, Document]
@@ -90,14 +90,14 @@ def assumption_text(documents: Documents) -> str:
             ("pwm_period_s", "pwm_period_s"), ("pwm_resolution_s", "resolution_s"), ("minimum_on_s", "minimum_on_s"),
             ("minimum_off_s", "minimum_off_s"))]
         if switch.get("cooling_gain") is not None:
-            told = ("cooling_gain", "cooling_minimum_on_s", "cooling_minimum_off_s")
-            rows += [_row(name, switch[name]) for name in told if switch.get(name) is not None]
+            names = ("cooling_gain", "cooling_minimum_on_s", "cooling_minimum_off_s")
+            rows += [_row(name, switch[name]) for name in names if switch.get(name) is not None]
         if switch["minimum_rule"] == "carry":
             rows.append(["rest of a pulse", "carried to the next one", "", options_of(Conditions)["pwm_rule"].flag])
     points = controller_for(documents["words"]["target"]).switches
-    known = documents["proof"]["stated_settings"]
+    stated = documents["proof"]["stated_settings"]
     settings = [[point.name, point.default, ", ".join(proven), point.reason]
-                for point in points if not point.in_manual and (proven := _proven(point, known))]
+                for point in points if not point.in_manual and (proven := _proven(point, stated))]
     by_hand = ", ".join(point.name for point in points if point.in_manual)
     open_points = (
         "<h3>Open points of the manual</h3><p>The proof ran under every setting"
@@ -130,15 +130,15 @@ def _row(name: str, value: float) -> list[str]:
 
 def specification(documents: Documents) -> str:
     """Return the specification in the user's words, with its reasons; empty if the limits were given directly."""
-    asked = documents["proof"]["specification"]
-    if asked is None:
+    spec = documents["proof"]["specification"]
+    if spec is None:
         return ""
-    rows = [[name, " and ".join(values).replace("degC", "°C"), LIMITS[name].description, asked["reasons"].get(name, "")]
-            for name, values in asked["limits"].items() if values]
-    if (profile := asked.get("profile")) is not None:
+    rows = [[name, " and ".join(values).replace("degC", "°C"), LIMITS[name].description, spec["reasons"].get(name, "")]
+            for name, values in spec["limits"].items() if values]
+    if (profile := spec.get("profile")) is not None:
         rows.append(["profile", decode(Profile, profile, "proof.json").label,
                      "ramps and soaks that your own program runs", ""])
-    return (f"<h2>Specification</h2><p>The specification {text_of(asked['name'])}.</p>"
+    return (f"<h2>Specification</h2><p>The specification {text_of(spec['name'])}.</p>"
             + table(["limit", "value", "meaning", "reason"], rows, source="heatertune spec"))
 
 
@@ -213,7 +213,7 @@ def _words(documents: Documents) -> str:
     rows, scale = keyed_entries(document), document["scaling"]
     refused = '<p class="fail">Do not enter: these parameters are not proven.</p>' if _refused(document) else ""
     half = (len(rows) + 1) // 2 if len(rows) > _SIDE_BY_SIDE and _is_narrow(rows) else len(rows)
-    source, called = controller_for(document["target"]).title, called_every_s(document, documents["proof"]["actuator"])
+    source, ta_s = controller_for(document["target"]).title, called_every_s(document, documents["proof"]["actuator"])
     columns = "".join(_column(part) for part in (rows[:half], rows[half:]) if part)
     down = ", down the first column, then the second" if half < len(rows) else ""
     if down:
@@ -225,7 +225,7 @@ def _words(documents: Documents) -> str:
     return (
         f"<h2>Parameters for {text_of(document['target'])}</h2>{refused}<p>In the order in which they are entered"
         f"{down}. Sensor {describe_range(Scaling(**scale))}; call every "
-        f"{figure(called)} s. Setpoint of the proof: {figure(document['setpoint_degC'])} °C; enter "
+        f"{figure(ta_s)} s. Setpoint of the proof: {figure(document['setpoint_degC'])} °C; enter "
         f"{text_of(setpoint_text(document))}.</p>"
         f'{columns}<p class="soft">Source: {text_of(source)}</p>'
         f"{bullets(ramp_note(document))}{listed}"
@@ -270,11 +270,11 @@ def _site(documents: Documents) -> str:
 
 def remedies(documents: Documents) -> str:
     """Return the troubleshooting steps, and how to restore the old parameters."""
-    found = commissioning(documents["words"]["target"]).steps
-    others = [title for title in found if title not in _INTO_SERVICE]
+    steps = commissioning(documents["words"]["target"]).steps
+    others = [title for title in steps if title not in _INTO_SERVICE]
     search = bullets(search_notes(documents["words"]))
     how = f"<h2>How the parameters were found</h2>{search}" if search else ""
-    return f"<h2>Troubleshooting</h2>{_steps(found, others)}{how}"
+    return f"<h2>Troubleshooting</h2>{_steps(steps, others)}{how}"
 
 
 def _steps(steps_by_title: Mapping[str, Sequence[str]], titles: Sequence[str]) -> str:
@@ -302,10 +302,10 @@ def _safety(documents: Documents) -> str:
 
 def _acceptance(documents: Documents) -> str:
     proof, left = documents["proof"], documents.get("as_left")
-    seen = {line["name"]: line for line in left["measurements"]} if left else {}
+    measurements = {line["name"]: line for line in left["measurements"]} if left else {}
     rows = []
     for name, one in proof["criteria"].items():
-        line = seen.get(name, {"measured": None, "keeps": None})
+        line = measurements.get(name, {"measured": None, "keeps": None})
         measured = line["measured"] is not None
         if CRITERION[name].source == "run" and (one["limit"] is not None or measured):
             rows.append([tick(f"test-{name}", f"{readable_name(name)} accepted"), readable_name(name), limit_text(one),
@@ -336,11 +336,11 @@ def _as_left(documents: Documents) -> str:
             ["setpoint", BLANK, f"{figure(words['setpoint_degC'])} °C"],
             ["trace", BLANK, BLANK if left is None else left["trace"]],
             ["what it shows", BLANK, BLANK if left is None else left["verdict"]]]
-    told = ""
+    remarks = ""
     if left is not None:
-        told = f"{bullets([*left['messages'], *left['notes']])}" + picture(
+        remarks = f"{bullets([*left['messages'], *left['notes']])}" + picture(
             plot_as_left(left), "The trace and the band of the proven runs; shaded: outside the band.")
-    return f"<h2>As found, as left</h2>{table(['', 'as found', 'as left'], rows)}{told}"
+    return f"<h2>As found, as left</h2>{table(['', 'as found', 'as left'], rows)}{remarks}"
 
 
 def _signatures(_: Documents) -> str:
@@ -366,10 +366,10 @@ def render(documents: Documents, drawn: Mapping[str, str] | None = None) -> str:
     proven = [words["target"], words["words"], words["sample_time_s"]]
     mark = hashlib.sha256(json.dumps(proven, sort_keys=True).encode()).hexdigest()[:16]
     signed = record(documents)
-    found = "\n".join(f"<section>{part}</section>" for name, section in _APPENDIX.items()
-                      if (part := (drawn or {}).get(name) or section(documents)))
-    terms = f"<section>{glossary(signed + found)}</section>"
-    appendix = f'<div class="appendix"><h1>Appendix: how it was found</h1>\n{found}\n{terms}</div>'
+    sections = "\n".join(f"<section>{part}</section>" for name, section in _APPENDIX.items()
+                         if (part := (drawn or {}).get(name) or section(documents)))
+    terms = f"<section>{glossary(signed + sections)}</section>"
+    appendix = f'<div class="appendix"><h1>Appendix: how it was found</h1>\n{sections}\n{terms}</div>'
     body = f'<div class="record">{signed}</div>\n{appendix}'
     return page(title, body, mark=mark, foot=head(documents))
 
@@ -449,11 +449,11 @@ def _candidates(model: Document) -> str:
 
 def _checks(model: Document) -> str:
     """Return the cross-validation of the fit, and the whiteness test of its residuals."""
-    held, white, follows = (model.get(name) for name in ("held_out", "whiteness", "input_crosscorrelation"))
-    if held is None or white is None:
+    blocks, white, follows = (model.get(name) for name in ("held_out", "whiteness", "input_crosscorrelation"))
+    if blocks is None or white is None:
         return ""
     rows = [["fit", figure(model["fit_pct"]), "", "%", ""],
-            ["fit on windows left out", figure(held["fit_pct"]), "", "%", ""],
+            ["fit on windows left out", figure(blocks["fit_pct"]), "", "%", ""],
             ["whiteness of the residuals (Ljung–Box, 20 lags)", figure(white["ljung_box"], 3),
              f"≤ {figure(white['limit'])}", "", _mark(white["ok"])]]
     if follows is not None:
@@ -472,10 +472,10 @@ def _hypotheses(model: Document) -> str:
     if not model.get("hypotheses"):
         return ""
     heads, *rows = hypothesis_rows(model)
-    sure = [called for called, _, ci95, _ in model_rows(model) if ci95 != NOT_IDENTIFIED]
-    seen = f"Known within the intervals above: {', '.join(sure)}." if sure else "No parameter is identified."
+    sure = [label for label, _, ci95, _ in model_rows(model) if ci95 != NOT_IDENTIFIED]
+    remark = f"Known within the intervals above: {', '.join(sure)}." if sure else "No parameter is identified."
     return (
-        f"<h3>Hypotheses about the controller</h3><p>{text_of(seen)} BIC with AR(1) errors on the same readings; RMS "
+        f"<h3>Hypotheses about the controller</h3><p>{text_of(remark)} BIC with AR(1) errors on the same readings; RMS "
         "in °C on the readings used, on the later ones predicted from the earlier, and on blocks left out.</p>"
         f"<details open><summary>{len(rows)} compared</summary>{table(heads, rows, numeric=(1, 2, 3, 4, 6, 7, 8, 9))}"
         "</details>"
@@ -520,9 +520,9 @@ def _on_drawn_heaters(proof: Document) -> str:
     if "samples" not in proof:
         return ""
     heads, *rows = samples_rows(proof["samples"])
-    told = f"{proof['samples']['verdict']}: {samples_text(proof['samples'])}."
+    summary = f"{proof['samples']['verdict']}: {samples_text(proof['samples'])}."
     source = "random heater, mains voltage, room, load and sensor; each sample under its worst setting"
-    return f"<h3>Samples</h3><p>{text_of(told)}</p>{table(heads, rows, numeric=(1, 2, 3, 4), source=source)}"
+    return f"<h3>Samples</h3><p>{text_of(summary)}</p>{table(heads, rows, numeric=(1, 2, 3, 4), source=source)}"
 
 
 def _proof(documents: Documents) -> str:

@@ -276,8 +276,8 @@ def _parts(phases: Sequence[Part], top: Axes, low: Axes) -> None:
             lambda time: np.interp(time, instants, drawn), lambda place: np.interp(place, drawn, instants)))
         ax.set_xlim(instants[0], instants[-1])
     places = np.interp([*(part["begin_s"] for part in phases), instants[-1]], instants, drawn)
-    named = [part for part, wide in zip(phases, np.diff(places), strict=True) if wide > _NAMED * places[-1]]
-    low.set_xticks([part["begin_s"] for part in named], [f"{part['label']}, {part['begin_s']:.0f} s" for part in named],
+    parts = [part for part, wide in zip(phases, np.diff(places), strict=True) if wide > _NAMED * places[-1]]
+    low.set_xticks([part["begin_s"] for part in parts], [f"{part['label']}, {part['begin_s']:.0f} s" for part in parts],
                    rotation=40, ha="right", fontsize=7, rotation_mode="anchor")
 
 

@@ -69,8 +69,8 @@ def model_lines(model: Document) -> str:
     """Return the fitted FOPDT, its intervals, its candidates and the parameters that were not identified."""
     rows = [("", "value", "95 %", ""), *model_rows(model)]
     unseen = model.get("held_out")
-    seen = "" if unseen is None else f" ({figure(unseen['fit_pct'])} % on windows left out)"
-    fit = f"fit {figure(model.get('fit_pct'))} %{seen}, {model['method']}"
+    unseen_fit = "" if unseen is None else f" ({figure(unseen['fit_pct'])} % on windows left out)"
+    fit = f"fit {figure(model.get('fit_pct'))} %{unseen_fit}, {model['method']}"
     lines = [table(rows, right=(1,)), fit, model["outcome_text"]]
     others = len(model.get("candidates", ()))
     if others > 1:
@@ -87,8 +87,8 @@ def model_rows(model: Document) -> list[tuple[str, str, str, str]]:
     cooling = model.get("cooling")
     parameters += [] if cooling is None else [("cooling_gain", cooling["cooling_gain"], cooling["cooling_gain_ci95"])]
     names = [NOMENCLATURE[name] for name, _, _ in parameters]
-    return [(called, figure(value), _interval(ci95), unit)
-            for (_, called, unit), (_, value, ci95) in zip(names, parameters, strict=True)]
+    return [(label, figure(value), _interval(ci95), unit)
+            for (_, label, unit), (_, value, ci95) in zip(names, parameters, strict=True)]
 
 
 def hypothesis_table(model: Document) -> str:
@@ -120,8 +120,8 @@ def validation_lines(verdict: Document) -> str:
     """Return each model's run on another log, its meaning, and the verdict with the failed criteria."""
     rows = [("model", "ambient", "fit %", "bias °C", "RMS °C", "white", "follows the power")]
     for run in verdict["runs"]:
-        seen = run["input_crosscorrelation"]
-        follows = "—" if seen is None else "no" if seen["ok"] else f"after {figure(seen['at_lag_s'], 3)} s"
+        test = run["input_crosscorrelation"]
+        follows = "—" if test is None else "no" if test["ok"] else f"after {figure(test['at_lag_s'], 3)} s"
         numbers = (figure(run[name], 3) for name in ("ambient_degC", "fit_pct", "bias_degC", "rmse_degC"))
         rows.append((run["label"], *numbers, "yes" if run["whiteness"]["ok"] else "no", follows))
     by = f", by {' and '.join(verdict['fails'])}" if verdict["fails"] else ""
@@ -150,7 +150,7 @@ def opinion_rows(opinion: Document) -> list[list[str]]:
 
 
 def opinion_lines(opinion: Document) -> str:
-    """Return what python-control and CasADi say, beside what heatertune says."""
+    """Return the results of python-control and CasADi, next to those of heatertune."""
     rows = [["", "heatertune", "the library", "allowed", "by"], *opinion_rows(opinion)]
     return "\n".join([*([table(rows, right=(1, 2, 3))] if opinion["rows"] else []),
                       *(f"- {note}" for note in opinion["notes"])])
@@ -243,8 +243,8 @@ def ramp_note(words: Document) -> list[str]:
         return []
     every = "call" if ramp["calls"] == 1 else f"{ramp['calls']} calls"
     rate, unit = figure(ramp["degC_per_min"], 3), "units" if isinstance(ramp["step"], int) else "°C"
-    held = ramp.get("hold_degC")
-    hold = "" if held is None else f", and stays within {figure(held, 3)} °C of the temperature while it ramps"
+    holdback = ramp.get("hold_degC")
+    hold = "" if holdback is None else f", and stays within {figure(holdback, 3)} °C of the temperature while it ramps"
     return [f"The setpoint moves by {figure(ramp['step'])} {unit} every {every}, {rate} °C/min{hold}. The exported "
             "files contain the program of this ramp; the parameters are proven with it only."]
 
@@ -287,22 +287,22 @@ def samples_rows(samples: Document) -> list[tuple[str, ...]]:
     for name, spot in samples["criteria"].items():
         numbers = ["never" if spot[key] is None else figure(spot[key]) for key in ("median", "p95", "p99", "worst")]
         limit = "" if spot["limit"] is None else f"{spot.get('bound', '<=')} {figure(spot['limit'])}"
-        kept = "" if spot["limit"] is None else f"{100.0 * spot['passing']:.4g} %"
-        rows.append((readable_name(name), *numbers, limit, spot["unit"], kept))
+        share = "" if spot["limit"] is None else f"{100.0 * spot['passing']:.4g} %"
+        rows.append((readable_name(name), *numbers, limit, spot["unit"], share))
     return rows
 
 
 def advice_table(advice: Document) -> str:
     """Return the symptom with its numbers, and each step of the advice: gains, verdict and criteria after it."""
-    seen = advice["response"]
-    settled = "never" if seen["settled_s"] is None or math.isinf(seen["settled_s"]) else f"{seen['settled_s']:.0f} s"
-    decay = "" if seen["decay"] is None else f", each {figure(seen['decay'], 2)} of the one before"
+    step = advice["response"]
+    settled = "never" if step["settled_s"] is None or math.isinf(step["settled_s"]) else f"{step['settled_s']:.0f} s"
+    decay = "" if step["decay"] is None else f", each {figure(step['decay'], 2)} of the one before"
     lines = [
         f"{advice['log'] or 'the proof'}: {advice['symptom_text']}",
-        f"- step of {figure(seen['step_degC'])} °C to {figure(seen['setpoint_degC'])} °C, overshoot "
-        f"{figure(seen['overshoot_pct'], 3)} %, settled: {settled} (expected within {seen['expected_s']:.0f} s)",
-        f"- at the end {figure(seen['distance_degC'], 2)} °C short of the setpoint, swinging by "
-        f"±{figure(seen['swing_degC'], 2)} °C; {seen['swings']} wide swings{decay}",
+        f"- step of {figure(step['step_degC'])} °C to {figure(step['setpoint_degC'])} °C, overshoot "
+        f"{figure(step['overshoot_pct'], 3)} %, settled: {settled} (expected within {step['expected_s']:.0f} s)",
+        f"- at the end {figure(step['distance_degC'], 2)} °C short of the setpoint, swinging by "
+        f"±{figure(step['swing_degC'], 2)} °C; {step['swings']} wide swings{decay}",
     ]
     aim = f"effect on {readable_name(advice['aim'])}"
     rows = [("", "Kp", "Ki", "Kd", "verdict", "overshoot %", "settling s", "IAE °C·s", aim, "fails by")]
@@ -319,11 +319,11 @@ def feed_forward_lines(fed: Document) -> str:
     """Return the feed-forward, and the working heater and the worst run compared with plain feedback."""
     low, high = fed["effect_pct_per_unit_ci95"]
     (calm, strong), (begin, end) = fed["step"], fed["range"]
-    named = {"as found": fed["runs"][0], f"worst of {len(fed['runs'])} runs": fed["runs"][fed["worst"]]}
+    labelled_runs = {"as found": fed["runs"][0], f"worst of {len(fed['runs'])} runs": fed["runs"][fed["worst"]]}
     rows = [("", "error plain", "fed forward", "°C·s", "largest plain", "fed forward", "°C", "")]
     rows += [(name, *map(figure, run["iae_degC_s"]), "",
               *(figure(number, 3) for number in run["deviation_degC"]), "", run["label"])
-             for name, run in named.items()]
+             for name, run in labelled_runs.items()]
     return "\n".join([
         f"{fed['disturbance']}: {figure(fed['effect_pct_per_unit'])} % of full power per unit "
         f"({figure(low, 3)} … {figure(high, 3)})",
@@ -492,10 +492,10 @@ def _relay(relay: Document) -> str:
 def _before_and_after(quantities: Document) -> str:
     rows = [("", "before", "after, 95 %", "worst ±", "unit", "worst on")]
     for name, quantity in quantities.items():
-        _, called, unit = NOMENCLATURE[name]
+        _, label, unit = NOMENCLATURE[name]
         share = quantity["worst_share"]
         worst = _share(share) if share is not None else f"±{figure(quantity['worst_half_width'], 2)}"
-        rows.append((called, _range(quantity["before"]), _range(quantity["after"]), worst, unit, quantity["worst_on"]))
+        rows.append((label, _range(quantity["before"]), _range(quantity["after"]), worst, unit, quantity["worst_on"]))
     return table(rows)
 
 

@@ -29,10 +29,10 @@ def supervision_html(document: Document) -> str:
     """Return the same as one page to print, with a picture of a fault; each sheet bears the warning."""
     warning = document["warning"]
     low, high = document["noise_degC"]
-    told = (f"{document['false_trips']} false trips on {document['checked']} new heaters, each through the whole test "
-            f"sequence (gain and lags ±{document['spread_pct']:g} %, ambient ±{document['ambient_spread_degC']:g} °C, "
-            f"noise {low:g}…{high:g} °C).")
-    body = [f'<p class="fail">{text_of(warning)}</p>', f"<p>{text_of(told)}</p>", "<h2>What it sees</h2>",
+    intro = (f"{document['false_trips']} false trips on {document['checked']} new heaters, each through the whole test "
+             f"sequence (gain and lags ±{document['spread_pct']:g} %, ambient ±{document['ambient_spread_degC']:g} °C, "
+             f"noise {low:g}…{high:g} °C).")
+    body = [f'<p class="fail">{text_of(warning)}</p>', f"<p>{text_of(intro)}</p>", "<h2>What it sees</h2>",
             _table(document["faults"])]
     body.append(picture(plot_fault(document["trace"]), _caption(document["trace"]), moves=False))
     if document["built_in"]:
@@ -59,8 +59,8 @@ def plot_fault(trace: Document) -> Figure:
 
 
 def _caption(trace: Document) -> str:
-    seen = "no alarm" if trace["alarm_s"] is None else f"the alarm comes after {written(trace['alarm_s'], 3)} s"
-    return f"{trace['name'].capitalize()}, on one heater: {seen}."
+    alarm_text = "no alarm" if trace["alarm_s"] is None else f"the alarm comes after {written(trace['alarm_s'], 3)} s"
+    return f"{trace['name'].capitalize()}, on one heater: {alarm_text}."
 
 
 def _table(faults: Sequence[Document]) -> str:

@@ -93,12 +93,12 @@ def design_brief(documents: Mapping[str, Document], out: str, nearest: Sequence[
     files = _files(words, out)
     fails = _fails_on_samples(proof) and not nearest
     drawn = wrap_text(_of_samples(proof["samples"], closed_loop=True), "", _SAID) if fails else []
-    said, values, worst = [*_verdict(proof, nearest), *drawn, *labelled_lines(facts, 2)], _values(words,
+    head, values, worst = [*_verdict(proof, nearest), *drawn, *labelled_lines(facts, 2)], _values(words,
                                                                                                   proof), _worst(proof)
     ends = [*files, *([hint] if hint else [])]
-    room = LINES - sum(map(len, (said, values, worst, ends)))
+    room = LINES - sum(map(len, (head, values, worst, ends)))
     doubts = labelled_lines({**_doubts(proof, _unsure(model)), "notes": _counted(notes)}, max(1, min(room, _DOUBTS)))
-    return screen(said, values, worst, [*doubts, *ends])
+    return screen(head, values, worst, [*doubts, *ends])
 
 
 def verify_brief(
@@ -130,8 +130,8 @@ def _way_on(proof: Document, remedy: str | None) -> str:
 
 def _fails_on_samples(proof: Document) -> bool:
     """Whether only sampled heaters break the limits."""
-    kept = all(criterion["ok"] for criterion in proof["criteria"].values())
-    return kept and proof["verdict"] == "FAIL" and "samples" in proof
+    is_within_limits = all(criterion["ok"] for criterion in proof["criteria"].values())
+    return is_within_limits and proof["verdict"] == "FAIL" and "samples" in proof
 
 
 def _of_samples(samples: Document, *, closed_loop: bool = False) -> str:
@@ -154,8 +154,8 @@ def model_brief(model: Document, out: str | None = None) -> str:
     """Return a fit on one screen."""
     rows = [("", "value", "95 %", ""), *model_rows(model)]
     names = [finding["name"] for finding in model.get("findings", ())]
-    told, assumed = ([f"{KINDS[name].short}: {remedy_of(name, names)}" for name in names
-                      if KINDS[name].is_assumption is part] for part in (False, True))
+    remedies, assumed = ([f"{KINDS[name].short}: {remedy_of(name, names)}" for name in names
+                          if KINDS[name].is_assumption is part] for part in (False, True))
     others = len(model.get("candidates", ()))
     unseen = model.get("held_out")
     fit = f"{figure(model.get('fit_pct'), 3)} % of the curve"
@@ -163,7 +163,7 @@ def model_brief(model: Document, out: str | None = None) -> str:
     parts = {
         "fit": [fit], "outcome": [model["outcome_text"].rstrip(".")],
         "proven on": [f"{others} plausible heaters, which explain the log nearly as well"] if others > 1 else [],
-        "not known": told, "assumed": assumed}
+        "not known": remedies, "assumed": assumed}
     return _with_notes(_notes(model), table(rows, right=(1,)).splitlines(), labelled_lines(parts, 14), _written(out))
 
 
@@ -223,8 +223,8 @@ def _finding(proof: Document) -> str:
     on = f"{count(len(proof['runs']), 'run')} on {count(heaters, 'plausible heater')}"
     broken = [name for name, criterion in proof["criteria"].items() if not criterion["ok"]]
     more = f" and {len(broken) - _NAMED} more" if len(broken) > _NAMED else ""
-    named = f"{', '.join(_breaks(proof, name) for name in broken[:_NAMED])}{more}; {on}"
-    return f"{where}: {named if broken else f'every limit is kept in {on}'}"
+    breaks = f"{', '.join(_breaks(proof, name) for name in broken[:_NAMED])}{more}; {on}"
+    return f"{where}: {breaks if broken else f'every limit is kept in {on}'}"
 
 
 def _breaks(proof: Document, name: str) -> str:
@@ -275,14 +275,14 @@ def _called(name: str) -> str:
 
 def _doubts(proof: Document, unsure: Iterable[str] = ()) -> dict[str, list[str]]:
     """Return the gaps and assumptions of the verdict, the most important first."""
-    told = notes_by_kind(proof)
-    known = [f"{name} = {setting}" for name, setting in proof["stated_settings"].items()]
-    assumed = [each.removeprefix("assumed: ") for each in told["assumed"]]
+    notes = notes_by_kind(proof)
+    assumptions = [f"{name} = {setting}" for name, setting in proof["stated_settings"].items()]
+    assumed = [each.removeprefix("assumed: ") for each in notes["assumed"]]
     return {
-        "not known": [*told["not known"], *unsure],
-        "not tested": [_SETTINGS.sub(_points, part) for part in told["not tested"]],
-        "assumed": [*assumed, *(f"--assume {setting}" for setting in known)],
-        "asked": told["asked"], "also": [remark for remark in told["changed"] if NOTHING_PASSES not in remark],
+        "not known": [*notes["not known"], *unsure],
+        "not tested": [_SETTINGS.sub(_points, part) for part in notes["not tested"]],
+        "assumed": [*assumed, *(f"--assume {setting}" for setting in assumptions)],
+        "asked": notes["asked"], "also": [remark for remark in notes["changed"] if NOTHING_PASSES not in remark],
         "faults": list(proof["faults"]),
     }
 
@@ -304,8 +304,8 @@ def _values(words: Document, proof: Document) -> list[str]:
 
 def _typed_lines(rows: Sequence[KeyedEntry]) -> list[str]:
     """Return the words in the order in which they are typed in, each once or, where it changes, twice."""
-    named = any(row.address != row.name for row in rows)
-    cells = [[row.address, *([row.name] if named else []), row.first_text] for row in rows]
+    has_names = any(row.address != row.name for row in rows)
+    cells = [[row.address, *([row.name] if has_names else []), row.first_text] for row in rows]
     if len(rows) > _WITH_MEANING:
         lines = two_columns(cells)
         short = lines if len(lines) < len(rows) else two_columns([[line[-2], line[-1]] for line in cells])
@@ -332,7 +332,7 @@ def _facts(words: Document, proof: Document) -> str:
 
 def _unsure(model: Document) -> list[str]:
     """Return the heater parameters that the log does not identify, as one part."""
-    names = [called for called, _, ci95, _ in model_rows(model) if ci95 == NOT_IDENTIFIED]
+    names = [label for label, _, ci95, _ in model_rows(model) if ci95 == NOT_IDENTIFIED]
     return [f"the heater's {', '.join(names)} by {'themselves' if len(names) > 1 else 'itself'}"] if names else []
 
 

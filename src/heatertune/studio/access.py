@@ -59,10 +59,10 @@ class Gate:
             return
         headers = {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]}
         by_url = self._matches(parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token", [""])[0])
-        known = self._from_here(headers) and (by_url or self._matches(self._in_cookie(headers)))
+        is_known = self._from_here(headers) and (by_url or self._matches(self._in_cookie(headers)))
         if scope["type"] == "websocket":
-            await (self._app(scope, receive, send) if known else _refuse_socket(receive, send))
-        elif not known:
+            await (self._app(scope, receive, send) if is_known else _refuse_socket(receive, send))
+        elif not is_known:
             await self._answer(send, 403, b"403: open the address that heatertune studio printed\n")
         elif by_url:
             cookie = f"{self._cookie}={self._token}; HttpOnly; SameSite=Strict; Path=/".encode()
@@ -72,17 +72,17 @@ class Gate:
 
     async def _let_in(self, scope: _Message, headers: MutableMapping[str, str], receive: _Mouth, send: _Door) -> None:
         """Let a request pass while it is small enough; nothing is kept of one that is not."""
-        told = headers.get("content-length", "")
-        if told.isdigit() and int(told) > LARGEST_LOG + _ENVELOPE:
+        length = headers.get("content-length", "")
+        if length.isdigit() and int(length) > LARGEST_LOG + _ENVELOPE:
             await self._answer(send, 413, _TOO_MUCH)
             return
-        guarded, taken, refused = self._guarded(send), 0, False
+        guarded, received_bytes, refused = self._guarded(send), 0, False
 
         async def counted() -> _Message:
-            nonlocal taken, refused
+            nonlocal received_bytes, refused
             message: _Message = {"type": "http.disconnect"} if refused else await receive()
-            taken += len(message.get("body", b""))
-            if taken > LARGEST_LOG + _ENVELOPE and not refused:
+            received_bytes += len(message.get("body", b""))
+            if received_bytes > LARGEST_LOG + _ENVELOPE and not refused:
                 refused = True  # what no length told: the page behind the gate sees a visitor who left
                 await self._answer(send, 413, _TOO_MUCH)
                 message = {"type": "http.disconnect"}
@@ -122,8 +122,8 @@ class Gate:
                 (b"referrer-policy", b"no-referrer"), (b"x-frame-options", b"DENY")]
 
     async def _answer(self, send: _Door, status: int, body: bytes, *headers: tuple[bytes, bytes]) -> None:
-        said = [(b"content-type", b"text/plain"), *headers, *self._said("none")]
-        await send({"type": "http.response.start", "status": status, "headers": said})
+        all_headers = [(b"content-type", b"text/plain"), *headers, *self._said("none")]
+        await send({"type": "http.response.start", "status": status, "headers": all_headers})
         await send({"type": "http.response.body", "body": body})
 
     def _from_here(self, headers: MutableMapping[str, str]) -> bool:

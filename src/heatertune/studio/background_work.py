@@ -109,24 +109,24 @@ def compare_with_proof(standing: FrontDesign, log: Log, about: AsLeftSettings, p
 
 
 def left_sentence(left: AsLeft, verdict: str) -> str:
-    """Return what the trace shows as one sentence that can be read out; `verdict`: of the proof."""
-    seen = sum(line.measured is not None for line in left.measurements)
-    kept = ("the curve is inside of what the proven runs do, and each of the "
-            f"{seen} figures that the trace shows is no worse than proven.")
+    """Return the result of the trace as one sentence that can be read out; `verdict`: of the proof."""
+    figure_count = sum(line.measured is not None for line in left.measurements)
+    assurance = ("the curve is inside of what the proven runs do, and each of the "
+                 f"{figure_count} figures that the trace shows is no worse than proven.")
     proof = "" if verdict == "PASS" else f" The proof of these words is itself {verdict}."
-    return for_page(f"{left.verdict}: {' '.join(left.messages) or kept}{proof}")
+    return for_page(f"{left.verdict}: {' '.join(left.messages) or assurance}{proof}")
 
 
 def figures(left: AsLeft) -> str:
     """Return limit, proven worst and measured side by side, why a figure is not measured, and the notes, as HTML."""
     lines = plain(encode(left))["measurements"]
-    seen = [[*_proven(line), measured_text(line), judgement_text(line) or for_page(line["message"])]
+    rows = [[*_proven(line), measured_text(line), judgement_text(line) or for_page(line["message"])]
             for line in lines if line["measured"] is not None]
     unseen = [[*_proven(line), for_page(line["message"])] for line in lines if line["measured"] is None]
     heads = ("criterion", "limit", "proven worst")
     text = f"<p>{text_of(left.trace)}, at {left.setpoint_degC:g} °C.</p>"
-    if seen:
-        text += table([*heads, "measured", "as proven"], seen, numeric=(1, 2, 3))
+    if rows:
+        text += table([*heads, "measured", "as proven"], rows, numeric=(1, 2, 3))
     if unseen:
         folded = table([*heads, "why it is not measured"], unseen, numeric=(1, 2))
         text += f"<details><summary>Not measured, and why ({len(unseen)})</summary>{folded}</details>"
@@ -142,7 +142,7 @@ def left_chart(left: AsLeft) -> Options:
     low, high, log = {"color": _BAND, "width": 0.7}, left.high_degC, LOOK["log"]
     width = [top - bottom for bottom, top in zip(left.low_degC, high, strict=True)]
     stacked = {"stack": "band", "stackStrategy": "all", "lineStyle": {"opacity": 0.0}, "tooltip": {"show": False}}
-    asked = {"silent": True, "symbol": "none", "lineStyle": {"color": LOOK["limit"]["color"]}, "data": [
+    mark_line = {"silent": True, "symbol": "none", "lineStyle": {"color": LOOK["limit"]["color"]}, "data": [
         {"yAxis": left.setpoint_degC, "label": {"formatter": "setpoint", "position": "insideStartTop", "color": _INK}}]}
     shaded = {"silent": True, "itemStyle": {"color": _OUTSIDE}, "data": [
         [{"xAxis": stretch.begin_s}, {"xAxis": stretch.end_s}] for stretch in left.outside]}
@@ -163,7 +163,7 @@ def left_chart(left: AsLeft) -> Options:
             _line("highest of the proven runs", left.band_s, high, {"lineStyle": low}),
             _line("measured", left.time_s, left.temperature_degC, {
                 "lineStyle": {"color": log["color"], "width": 1.4}, "itemStyle": {"color": log["color"]}, "z": 3,
-                "markLine": asked, "markArea": shaded}),
+                "markLine": mark_line, "markArea": shaded}),
         ],
     }
 
@@ -286,15 +286,15 @@ class Work:
     async def open(self, source: str) -> None:
         """Read a path or built-in table and fit it; a folder has its heater, settings and design."""
         try:
-            found = await asyncio.to_thread(read_source, source)
+            design = await asyncio.to_thread(read_source, source)
         except HeatertuneError as problem:
             self.session.refuse_file(problem)
             self.tell()
             return
-        if found.fitted is None:
-            await self._fit(found.log)
+        if design.fitted is None:
+            await self._fit(design.log)
         else:
-            self.session.load(found)
+            self.session.load(design)
             await self.look()
 
     async def take(self, log: Log, settings: FitSettings) -> None:
@@ -616,7 +616,7 @@ class Work:
         Raises:
             _ResultNotNeeded: nobody does.
         """
-        said, begun, unwanted = [""], time.monotonic(), False
+        notes, start, unwanted = [""], time.monotonic(), False
 
         def check() -> None:
             if unwanted:
@@ -624,7 +624,7 @@ class Work:
 
         def tell(message: str) -> None:
             check()
-            said.append(message)
+            notes.append(message)
 
         def work() -> Any:
             with interruptible(check):
@@ -636,15 +636,15 @@ class Work:
             self._moved.clear()
             unwanted = unwanted or not wanted()
             if what:
-                self.busy = f"{what}{': ' if said[-1] else ''}{for_page(said[-1])}… {time.monotonic() - begun:.0f} s"
+                self.busy = f"{what}{': ' if notes[-1] else ''}{for_page(notes[-1])}… {time.monotonic() - start:.0f} s"
             else:
-                self.proving = said[-1]
+                self.proving = notes[-1]
             self._show_on_pages(lambda page: page.show_progress())
             await self._move_or_tick(task)
         if what:
             self.busy = ""
         elif not unwanted:  # a proof may be done within one tick
-            self.proving = said[-1]
+            self.proving = notes[-1]
         self._show_on_pages(lambda page: page.show_progress())
         return task.result()
 

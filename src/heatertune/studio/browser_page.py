@@ -66,8 +66,8 @@ class LeftCard:
         self._card.set_visibility(left is not None)
         if left is not None:
             self._sentence.set_text(left_sentence(left, verdict))
-            kept = (left.verdict, verdict) == ("AS PROVEN", "PASS")
-            self._sentence.classes(remove="pass fail", add="pass" if kept else "fail")
+            is_as_proven = (left.verdict, verdict) == ("AS PROVEN", "PASS")
+            self._sentence.classes(remove="pass fail", add="pass" if is_as_proven else "fail")
             self._figures.set_content(figures(left))
             draw(self._chart, left_chart(left))
 
@@ -155,18 +155,18 @@ class LoopCard:
 
     def show(self, look: LoopView, proof: Proof | None, pinned: Sequence[PinnedDesign]) -> None:
         """Draw a loop; `proof`: its full one, None until it is done. What is told beside it follows with `tell`."""
-        wanted = (look, proof, *((pin.name, pin.look) for pin in pinned))
-        if len(wanted) == len(self._shown) and all(a is b or a == b for a, b in zip(wanted, self._shown, strict=True)):
+        shows = (look, proof, *((pin.name, pin.look) for pin in pinned))
+        if len(shows) == len(self._shown) and all(a is b or a == b for a, b in zip(shows, self._shown, strict=True)):
             return
-        verdict_alone = self._shown[:1] + self._shown[2:] == wanted[:1] + wanted[2:]
-        self._shown = wanted
-        known = None if proof is None else _pictures.get(id(proof))
-        picture = known[1] if known else _first_picture(look.proof)
+        verdict_alone = self._shown[:1] + self._shown[2:] == shows[:1] + shows[2:]
+        self._shown = shows
+        entry = None if proof is None else _pictures.get(id(proof))
+        picture = entry[1] if entry else _first_picture(look.proof)
         if not (verdict_alone and picture is self._picture):
-            self._draw(look, picture, pinned, coarse=known is None)
+            self._draw(look, picture, pinned, coarse=entry is None)
         self._untold = partial(self._tell, look, proof, picture, pinned)
-        if known is None:
-            background_tasks.create(self._refine(wanted, look, proof, pinned))
+        if entry is None:
+            background_tasks.create(self._refine(shows, look, proof, pinned))
 
     def tell(self) -> None:
         """Tell what is drawn in words and numbers, if that was not done."""
@@ -236,9 +236,9 @@ _cards: WeakSet[LoopCard] = WeakSet()
 
 async def _picture_with_all_runs(proof: Proof) -> Picture:
     """Return the picture of a proof, made once for all windows; raise `_Abandoned` once none shows the proof."""
-    known = _pictures.get(id(proof))
-    if known is not None:
-        return known[1]
+    entry = _pictures.get(id(proof))
+    if entry is not None:
+        return entry[1]
     if id(proof) not in _drawn:
         cards = [*_cards]  # those that the thread asks; a window that opens meanwhile asks anew
 
@@ -311,11 +311,11 @@ class LiveCard:
         self._error.set_text(f"error: {for_page(error)}" if error else "")
         self._state.set_text("" if live is None else live.state)
         self._now.set_text("" if live is None else live.latest)
-        for element, seen in (
+        for element, is_visible in (
                 (self._error, bool(error)), (self._state, bool(self._state.text)), (self._now, bool(self._now.text)),
                 (self._start, not runs), (self._stop, runs), (self._away, not runs),
                 (self._read, not runs and live is not None and live.rows > 0)):
-            element.set_visibility(seen)
+            element.set_visibility(is_visible)
         self._stop.set_enabled(live is not None and not live.is_ending)
         self._draw(live)
 
@@ -356,7 +356,7 @@ class LiveCard:
 
 
 def _content(live: LiveLog) -> bytes:
-    """Return what the log holds; raise InputError where it is too large, or is gone."""
+    """Return the content of the log; raise InputError where it is too large, or is gone."""
     try:
         if live.path.stat().st_size > LARGEST_LOG:
             raise InputError(f"{live.path}: is larger than {LARGEST_LOG / 1e6:.0f} MB; heatertune fit reads it")
@@ -531,8 +531,8 @@ class Page:
             await self._read(name, content)
 
     async def _use(self, dropped: DroppedFile) -> None:
-        log, known = dropped.to_log()
-        await self.work.take(log, known)
+        log, assumptions = dropped.to_log()
+        await self.work.take(log, assumptions)
 
     async def _hold(self, dropped: DroppedFile, number: int) -> None:
         await self.work.hold(dropped.to_log()[0], dropped.assumptions.about, number)
@@ -593,10 +593,10 @@ class Page:
 
     def _show_look(self) -> None:
         session, look = self.session, self.session.look
-        seen = look, session.proof, session.pinned_designs
-        if look is None or seen == self._seen:
+        state = look, session.proof, session.pinned_designs
+        if look is None or state == self._seen:
             return
-        self._seen = seen
+        self._seen = state
         for area, content in ((self._words, views.words(look)), (self._rounding, views.rounding(look)),
                               (self._notes, views.notes(look)),
                               (self._criteria, views.criteria(session.proof or look.proof))):

@@ -73,14 +73,14 @@ DRAGGED: Final = """(e) => { const svg = e.target.closest && e.target.closest(".
 
 def log_chart(log: Log, fitted: FittedModel) -> Options:
     """Return log, model and the band in which 95 % of the model's errors lie."""
-    kept = downsample(log.time_s, log.temperature_degC, _PIXELS)
-    measured = line_series("log", log.time_s[kept], log.temperature_degC[kept], "log")
+    points = downsample(log.time_s, log.temperature_degC, _PIXELS)
+    measured = line_series("log", log.time_s[points], log.temperature_degC[points], "log")
     lines = [_named(measured, "log", lower=-1)]  # both end at one point
     residuals = fitted.residuals
     if residuals is not None:
         wide = _BAND * float(np.sqrt(np.mean((residuals.measured_degC - residuals.simulated_degC) ** 2)))
-        kept = downsample(residuals.time_s, residuals.simulated_degC, _PIXELS)
-        time, simulated = residuals.time_s[kept], residuals.simulated_degC[kept]
+        points = downsample(residuals.time_s, residuals.simulated_degC, _PIXELS)
+        time, simulated = residuals.time_s[points], residuals.simulated_degC[points]
         model = line_series("model", time, simulated, "model")
         lines += [*_band(time, simulated - wide, simulated + wide), _named(model, "model")]
     return line_chart("time [s]", "temperature [°C]", lines)
@@ -97,8 +97,8 @@ def preview(log: Log, window: tuple[float, float] | None = None) -> str:
     power_s, power = (time, None) if signal is None else signal.until(float(time[-1]))
     low, high = float(temperature.min()), float(temperature.max())
     below = 0 if power is None else _LOW + _EDGE
-    said = (f"Temperature from {low:.4g} to {high:.4g} °C in {time[-1] - time[0]:.4g} s"
-            + ("" if power is None else f", power from {power.min():.4g} to {power.max():.4g} %"))
+    caption = (f"Temperature from {low:.4g} to {high:.4g} °C in {time[-1] - time[0]:.4g} s"
+               + ("" if power is None else f", power from {power.min():.4g} to {power.max():.4g} %"))
     lines = _path(time, temperature, (low, high), (_EDGE, _HIGH), "temperature")
     if power is not None:
         lines += _path(power_s, power, (0.0, 100.0), (_HIGH + _EDGE, _HIGH + _EDGE + _LOW), "power", fixed=True)
@@ -107,8 +107,8 @@ def preview(log: Log, window: tuple[float, float] | None = None) -> str:
     shades = "".join(f'<rect class="outside" x="{x:.1f}" y="0" width="{max(wide, 0.0):.1f}" height="{high_px}"/>'
                      for x, wide in ((0.0, begin), (end, _WIDE - end)))
     return (f'<figure class="preview"><svg viewBox="0 0 {_WIDE} {high_px}" role="img" data-first="{first:g}" '
-            f'data-last="{last:g}" aria-label="{text_of(said)}">{lines}{shades}</svg>'
-            f"<figcaption>{text_of(said)}</figcaption></figure>")
+            f'data-last="{last:g}" aria-label="{text_of(caption)}">{lines}{shades}</svg>'
+            f"<figcaption>{text_of(caption)}</figcaption></figure>")
 
 
 def _path(
@@ -117,8 +117,8 @@ def _path(
 ) -> str:
     (low, high), (top, bottom) = range_, place
     time, values = step_corners(time, values) if fixed else (time, values)
-    kept = downsample(time, values, _WIDE // 2)
-    x, y = time[kept], values[kept]
+    points = downsample(time, values, _WIDE // 2)
+    x, y = time[points], values[points]
     across = (x - time[0]) / (time[-1] - time[0]) * _WIDE
     down = bottom - (y - low) / max(high - low, 1e-9) * (bottom - top)
     return f'<polyline class="{kind}" points="{_points(across, down)}"/>'
@@ -135,8 +135,8 @@ def live_charts(trace: RecordedTrace) -> tuple[Options, Options | None]:
 
     lines = [line("temperature", trace.temperature_degC, "log")]
     if np.isfinite(trace.setpoint_degC).all():
-        asked = line("setpoint", trace.setpoint_degC, "limit") | {"step": "end"}
-        lines.append(_named(asked, "limit", lower=-1))
+        setpoint = line("setpoint", trace.setpoint_degC, "limit") | {"step": "end"}
+        lines.append(_named(setpoint, "limit", lower=-1))
     power = line_chart("time [s]", "power [%]", [line("power", trace.power_pct, "log")])
     power["yAxis"] |= {"min": 0 if np.min(trace.power_pct) >= 0.0 else -100, "max": 100}
     return line_chart("time [s]", "temperature [°C]", lines), power if np.isfinite(trace.power_pct).all() else None
@@ -216,10 +216,10 @@ def loop_chart(
     room = 0.06 * (high - low)
     words["markArea"] = _walls(picture, low - room, high + room)
     words["markLine"] = _setpoint_and_parts(picture)
-    asked = step_corners(nominal.time_s, nominal.power_asked_pct)
-    kept = downsample(picture.place(asked[0]), asked[1], detail.pixels)
-    share = detail.within_pct / max(float(np.ptp(asked[1])), detail.within_pct)
-    power = _over(picture, "requested power", (asked[0][kept], asked[1][kept]), "realised", share)
+    request = step_corners(nominal.time_s, nominal.power_asked_pct)
+    points = downsample(picture.place(request[0]), request[1], detail.pixels)
+    share = detail.within_pct / max(float(np.ptp(request[1])), detail.within_pct)
+    power = _over(picture, "requested power", (request[0][points], request[1][points]), "realised", share)
     crowd = [_crowd(picture)] if picture.crowd else []
     second = {"xAxisIndex": 1, "yAxisIndex": 1}
     options = _two_grids([*crowd, *lines, power | second], picture, end_s=float(nominal.time_s[-1]))
@@ -234,12 +234,12 @@ def zooms(picture: Picture) -> list[tuple[str, float, float]]:
     begins = picture.place([part.begin_s for part in picture.parts]).tolist()
     ends = [*begins[1:], float(picture.place(picture.parts[-1].end_s))]
     names = (f"{number} {part.name}" for number, part in enumerate(picture.parts, 1))
-    found = zip(names, begins, ends, strict=True)
-    return [("whole story", 0.0, ends[-1]), *((name, begin, end - 1e-3 * (end - begin)) for name, begin, end in found)]
+    phases = zip(names, begins, ends, strict=True)
+    return [("whole story", 0.0, ends[-1]), *((name, begin, end - 1e-3 * (end - begin)) for name, begin, end in phases)]
 
 
 def key_of(look: LoopView, picture: Picture, pinned: Sequence[PinnedDesign] = ()) -> list[tuple[str, str, str]]:
-    """Return what the lines of the loop's picture are: name, colour and SVG dashes."""
+    """Return the legend of the loop's picture: name, colour and SVG dashes."""
     names = [("nominal run", LOOK["realised"]["color"], "")]
     if picture.worst is not None:
         dashes = "" if picture.fails else _DASHES["worst"]
@@ -255,8 +255,8 @@ def _over(
 ) -> Options:
     """Return a line over the picture's axis, without points that nobody would miss, `within` of its span."""
     across, values = picture.place(line[0]), line[1]
-    kept = straight(across, values, within * float(np.ptp(values)), pieces)
-    return line_series(name, across[kept], values[kept], look, **right)
+    points = straight(across, values, within * float(np.ptp(values)), pieces)
+    return line_series(name, across[points], values[points], look, **right)
 
 
 def _worst(picture: Picture, line: Line, within: float) -> Options:
@@ -341,17 +341,17 @@ def _instants(picture: Picture, end_s: float) -> list[float]:
     decade = 10.0 ** math.floor(math.log10(least))
     step = next(times * decade for times in (1.0, 2.0, 5.0, 10.0) if times * decade >= least)
     instants = np.arange(0.0, end_s, step)
-    seen = np.all([(instants <= begin) | (instants >= end) for begin, end in picture.torn], axis=0)
-    return [float(instant) for instant in instants[seen]]
+    is_visible = np.all([(instants <= begin) | (instants >= end) for begin, end in picture.torn], axis=0)
+    return [float(instant) for instant in instants[is_visible]]
 
 
 def _two_grids(lines: Sequence[Options], picture: Picture, *, end_s: float) -> Options:
     """Return temperature above power, with one crosshair and one zoom over both."""
     upper = line_chart("time [s]", "temperature [°C]", lines)
-    named = {"customValues": np.round(picture.place(_instants(picture, end_s)), 1).tolist()}
+    ticks = {"customValues": np.round(picture.place(_instants(picture, end_s)), 1).tolist()}
     axis_x = upper["xAxis"] | {"min": 0, "max": round(float(picture.place(end_s)), 1), "splitLine": {"show": False},
-                               "axisTick": named}
-    axis_x["axisLabel"] = axis_x["axisLabel"] | named | {":formatter": _instant_of(picture)}
+                               "axisTick": ticks}
+    axis_x["axisLabel"] = axis_x["axisLabel"] | ticks | {":formatter": _instant_of(picture)}
     axis_y, pointed = upper["yAxis"], f"p => ({_instant_of(picture)})(p.value) + ' s'"
     left, right = 52, 14
     return upper | {
@@ -374,8 +374,8 @@ def _two_grids(lines: Sequence[Options], picture: Picture, *, end_s: float) -> O
 
 def _instant_of(picture: Picture) -> str:
     """Return the browser's function: place on the axis → instant [s], as text."""
-    gone = [[round(float(picture.place(begin)), 1), round(end - begin, 1)] for begin, end in picture.torn]
-    return f"v => String(Math.round({json.dumps(gone)}.reduce((t, [at, lost]) => v > at ? t + lost : t, v)))"
+    gaps = [[round(float(picture.place(begin)), 1), round(end - begin, 1)] for begin, end in picture.torn]
+    return f"v => String(Math.round({json.dumps(gaps)}.reduce((t, [at, lost]) => v > at ? t + lost : t, v)))"
 
 
 def _named(line: Options, look: str, lower: int = 0) -> Options:

@@ -108,10 +108,10 @@ class Grey:
 
 def card(title: str, props: str = "", *, wide: bool = False) -> ui.element:
     """Return a card with its title."""
-    made = ui.element("section").classes(f"card {'wide' if wide else ''}").props(f'aria-label="{title}" {props}')
-    with made:
+    section = ui.element("section").classes(f"card {'wide' if wide else ''}").props(f'aria-label="{title}" {props}')
+    with section:
         ui.html(title, sanitize=False, tag="h2")
-    return made
+    return section
 
 
 def text_input(label: str, example: str) -> ui.input:
@@ -120,7 +120,7 @@ def text_input(label: str, example: str) -> ui.input:
 
 
 def explain_label(label: str) -> str:
-    """Return what the terms of a label mean, "" where it has none."""
+    """Return the meaning of the terms of a label, "" where it has none."""
     return "; ".join(f"{term.names[0]}: {term.meaning}" for term in terms_in(label))
 
 
@@ -131,9 +131,9 @@ def html() -> ui.html:
 
 def chart(label: str, height_px: int, described_by: str = "") -> ui.echart:
     """Return an empty chart; `described_by`: id of the element that has its numbers in words."""
-    made = ui.echart({"series": []}, renderer="svg").classes("chart").style(f"height: {height_px}px; width: 100%")
+    element = ui.echart({"series": []}, renderer="svg").classes("chart").style(f"height: {height_px}px; width: 100%")
     described = f" aria-describedby={described_by}" if described_by else ""
-    return made.props(f'role=img aria-label="{label}"{described}')
+    return element.props(f'role=img aria-label="{label}"{described}')
 
 
 def draw(chart: ui.echart, options: Options) -> None:
@@ -172,8 +172,8 @@ def number_field(name: str, change: str, place: int, value: object, label: str) 
         value: that is shown; None: nothing.
         label: after it.
     """
-    held = "" if value is None else text_of(str(value))
-    return (f'<label class="number"><input type="text" inputmode="decimal" size="6" value="{held}" '
+    text = "" if value is None else text_of(str(value))
+    return (f'<label class="number"><input type="text" inputmode="decimal" size="6" value="{text}" '
             f'aria-label="{text_of(name)}" data-change="{change}" data-place="{place}" data-key="{change}-{place}"> '
             f"<span>{text_of(label)}</span></label>")
 
@@ -210,10 +210,10 @@ class Controls:
             self._spec = self._select("Specification", list(PRESETS), lambda value: {"spec": value})
 
     def _select(self, label: str, options: Any, fields: Callable[[str], dict[str, Any]]) -> ui.select:
-        made = ui.select(options, label=label, on_change=lambda e: self._say(**fields(e.value)))
+        field = ui.select(options, label=label, on_change=lambda e: self._say(**fields(e.value)))
         # after what it says itself: the page is grey until that is heard
-        made.on("update:model-value", lambda e: self._seen(e.args), js_handler=MOVE)
-        return made.props("outlined dense options-dense").classes("w-full")
+        field.on("update:model-value", lambda e: self._seen(e.args), js_handler=MOVE)
+        return field.props("outlined dense options-dense").classes("w-full")
 
     def _add_large(self) -> None:
         meaning = explain_label(_LARGE.label)
@@ -286,8 +286,8 @@ class Controls:
         self._silent = True  # what is shown was not moved by the user
         try:
             self._target.set_value(settings.target)
-            known = {name: INPUTS[name] for name in controller_for(settings.target).ranges}
-            self._input.set_options({"": _PLAIN, **known}, value=settings.input or "")
+            ranges = {name: INPUTS[name] for name in controller_for(settings.target).ranges}
+            self._input.set_options({"": _PLAIN, **ranges}, value=settings.input or "")
             self._kind.set_value(settings.switch_kind)
             self._spec.set_value(settings.spec)
             for name, element in self._radios.items():
@@ -313,5 +313,5 @@ class Controls:
         """Set what the browser holds; not as a property: Vue would put it back under the user's hand."""
         if self._placed.get(name) != value:
             self._placed[name] = value
-            told = value if attribute == "checked" else f'"{value}"'
-            element.client.run_javascript(f"getHtmlElement({element.id}).{attribute} = {told}")
+            literal = value if attribute == "checked" else f'"{value}"'
+            element.client.run_javascript(f"getHtmlElement({element.id}).{attribute} = {literal}")

@@ -116,8 +116,8 @@ class LiveLog:
         if so_far.last is None or so_far.rows == self._counted:
             return
         self._counted = so_far.rows
-        seen = (so_far.last.signals.get(role, np.nan) for role in ROLES)
-        self._rows.append((so_far.last.time_s, *seen, float(so_far.gaps)))
+        readings = (so_far.last.signals.get(role, np.nan) for role in ROLES)
+        self._rows.append((so_far.last.time_s, *readings, float(so_far.gaps)))
         if len(self._rows) > _MOST_ROWS:
             rows = np.array(self._rows)
             self._rows = [self._rows[number] for number in downsample(rows[:, 0], rows[:, 1], _MOST_ROWS // 10)]
@@ -151,8 +151,8 @@ class LiveLog:
             return ""
         last = self.so_far.last
         units = {"temperature": "{:.2f} °C", "power": "{:.1f} %", "setpoint": "setpoint {:.1f} °C"}
-        seen = [units[role].format(last.signals[role]) for role in ROLES if role in last.signals]
-        return f"{last.time_s:.0f} s: {', '.join(seen)}; {self.rows} rows"
+        readings = [units[role].format(last.signals[role]) for role in ROLES if role in last.signals]
+        return f"{last.time_s:.0f} s: {', '.join(readings)}; {self.rows} rows"
 
 
 def _seconds(text: str) -> float | None:

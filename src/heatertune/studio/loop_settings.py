@@ -125,9 +125,9 @@ class StudioSettings:
     def __post_init__(self) -> None:
         if self.target not in NAMES:
             raise OutOfRange("target", self.target, f"one of {', '.join(NAMES)}")
-        for name, known in (("switch_kind", SWITCHES), ("spec", PRESETS)):
-            if getattr(self, name) not in known:
-                raise OutOfRange(name, getattr(self, name), f"one of {', '.join(known)}")
+        for name, choices in (("switch_kind", SWITCHES), ("spec", PRESETS)):
+            if getattr(self, name) not in choices:
+                raise OutOfRange(name, getattr(self, name), f"one of {', '.join(choices)}")
         if self.sample_time_s is not None:  # 0 means a continuous design elsewhere
             check("sample_time_s", self.sample_time_s, above=0.0)
         _ = self.scaling, self.tune_settings, self.conditions
@@ -269,10 +269,10 @@ def optimum(fitted: FittedModel, settings: StudioSettings, progress: ProgressCal
         InputError: no design keeps the limits.
         NotRepresentable: as in `first_look`.
     """
-    asked = _request(settings)
-    design, choice = made_for(fitted, asked, progress, str)
-    words = with_cooling(choice.words, asked.conditions.cooling_gain)
-    words = with_pwm_period(controller_for(asked.target).cycle, words, asked.conditions.pwm_period_s)
+    request = _request(settings)
+    design, choice = made_for(fitted, request, progress, str)
+    words = with_cooling(choice.words, request.conditions.cooling_gain)
+    words = with_pwm_period(controller_for(request.target).cycle, words, request.conditions.pwm_period_s)
     return CandidateWords(design=design, words=words, search=partial(search_document, choice, fitted),
                           notes=choice.search.notes)
 
@@ -304,11 +304,11 @@ def find_design(fitted: FittedModel, settings: StudioSettings, progress: Progres
         InputError: no design keeps the limits.
         NotRepresentable: as in `first_look`.
     """
-    found = find_passing_design(fitted, _request(settings), progress=progress)
-    return DesignOutcome(result=found, gains=CandidateWords(
-        design=found.ideal, words=found.proof.words, notes=(*found.choice.search.notes, *found.notes),
-        search=partial(search_document, found.choice, fitted, found.notes),
-        recipe=found.recipe, conditions=found.conditions, proof=found.proof))
+    result = find_passing_design(fitted, _request(settings), progress=progress)
+    return DesignOutcome(result=result, gains=CandidateWords(
+        design=result.ideal, words=result.proof.words, notes=(*result.choice.search.notes, *result.notes),
+        search=partial(search_document, result.choice, fitted, result.notes),
+        recipe=result.recipe, conditions=result.conditions, proof=result.proof))
 
 
 def _request(settings: StudioSettings) -> DesignRequest:

@@ -44,11 +44,11 @@ def downsample(across: Array, values: Array, pixels: int) -> Places:
     first = np.flatnonzero(np.diff(pixel, prepend=-1))
     last = np.append(first[1:], len(across)) - 1
     inside = last - first + 1
-    kept = np.zeros(len(across), dtype=np.bool_)
-    kept[first] = kept[last] = True
+    selection = np.zeros(len(across), dtype=np.bool_)
+    selection[first] = selection[last] = True
     for extreme in (np.minimum, np.maximum):
-        kept |= values == np.repeat(extreme.reduceat(values, first), inside)
-    return np.flatnonzero(kept)
+        selection |= values == np.repeat(extreme.reduceat(values, first), inside)
+    return np.flatnonzero(selection)
 
 
 def step_corners(time: Array, values: Array) -> tuple[Array, Array]:
@@ -67,19 +67,19 @@ def straight(across: Array, values: Array, within: float, begun: int = 1) -> Pla
     U. Ramer, "An iterative procedure for the polygonal approximation of plane curves" (1972), distances taken along
     the values.
     """
-    kept = np.zeros(len(across), dtype=np.bool_)
-    kept[[0, -1]] = True
-    kept[np.searchsorted(across, np.linspace(across[0], across[-1], begun + 1)[1:-1])] = True
-    ends = np.flatnonzero(kept)
+    selection = np.zeros(len(across), dtype=np.bool_)
+    selection[[0, -1]] = True
+    selection[np.searchsorted(across, np.linspace(across[0], across[-1], begun + 1)[1:-1])] = True
+    ends = np.flatnonzero(selection)
     begin, end = ends[:-1], ends[1:]
     while len(begin):  # all pieces at once, level by level
         begin, end = begin[end - begin > 1], end[end - begin > 1]
         worst, off = _farthest(across, values, begin, end)
         far = off > within
         begin, end, worst = begin[far], end[far], worst[far]
-        kept[worst] = True
+        selection[worst] = True
         begin, end = np.concatenate([begin, worst]), np.concatenate([worst, end])
-    return np.flatnonzero(kept)
+    return np.flatnonzero(selection)
 
 
 def _farthest(across: Array, values: Array, begin: Places, end: Places) -> tuple[Places, Array]:
@@ -204,18 +204,18 @@ def picture_of(proof: Proof, before_run: Callable[[], object] = bool, *, crowd: 
         crowd: whether all runs are drawn, not the nominal and the worst alone.
     """
     lines: dict[bytes, Line] = {}
-    gone, runs = torn(proof), len(proof.runs) if crowd else 1
+    gaps, runs = torn(proof), len(proof.runs) if crowd else 1
     for run in range(runs if runs > 1 else 0):
         before_run()
         time, temperature = course_of(proof.trace(run), proof, _PIXELS_BEHIND)
-        kept = straight(_place(time, gone), temperature, _WITHIN * float(np.ptp(temperature)))
-        line = np.round(time[kept]).astype(np.intp), np.round(temperature[kept], 1)
+        points = straight(_place(time, gaps), temperature, _WITHIN * float(np.ptp(temperature)))
+        line = np.round(time[points]).astype(np.intp), np.round(temperature[points], 1)
         lines[line[0].tobytes() + line[1].tobytes()] = line
     run = proof.worst_run
     worst = None if run == 0 else (proof.runs[run].label, course_of(proof.worst, proof))
     fails = worst is not None and proof.verdict == "FAIL"
     return Picture(crowd=tuple(lines.values()), runs=runs, worst=worst, walls=tuple(walls_of(proof, run)),
-                   parts=tuple(parts_of(proof.nominal, proof)), torn=gone, fails=fails)
+                   parts=tuple(parts_of(proof.nominal, proof)), torn=gaps, fails=fails)
 
 
 def course_of(trace: Trace, proof: Proof, pixels: int = _PIXELS, *, coarse: bool = False) -> Line:
@@ -232,19 +232,19 @@ def course_of(trace: Trace, proof: Proof, pixels: int = _PIXELS, *, coarse: bool
     places = np.searchsorted(time, jumps)
     time = np.insert(time, places, jumps)
     temperature = np.insert(temperature, places, trace.temperature_at(jumps, before=True))
-    gone = torn(proof)
-    seen = np.all([(time <= begin) | (time >= end) for begin, end in gone], axis=0)
-    time, temperature = time[seen], temperature[seen]
-    kept = downsample(_place(time, gone), temperature, pixels)
-    return time[kept], temperature[kept]
+    gaps = torn(proof)
+    is_visible = np.all([(time <= begin) | (time >= end) for begin, end in gaps], axis=0)
+    time, temperature = time[is_visible], temperature[is_visible]
+    points = downsample(_place(time, gaps), temperature, pixels)
+    return time[points], temperature[points]
 
 
 def _without_search(trace: Trace) -> Line:
     """Return a run at its scans and where its stretches begin, of shape (n,): what is known of it already."""
     parts = []
     for instants, values in ((trace.stretches[:, 0], trace.stretches[:, 1]), (trace.time_s, trace.temperature_degC)):
-        kept = slice(None, None, math.ceil(len(instants) / _SCANS))
-        parts.append((instants[kept], values[kept]))
+        stride = slice(None, None, math.ceil(len(instants) / _SCANS))
+        parts.append((instants[stride], values[stride]))
     time, temperature = (np.concatenate(column) for column in zip(*parts, strict=True))
     order = np.argsort(time, kind="stable")
     inside = order[time[order] <= trace.time_s[-1]]
@@ -274,16 +274,16 @@ def walls_of(proof: Proof, run: int) -> Iterator[Wall]:
             limits.recovery_s if phase.kind == "recovery" else None)
         in_s = min(phase.begin_s + (phase.limit_s if settles is None else settles), phase.end_s)
         up = rises != (phase.kind == "recovery")
-        asked = phase.setpoint_degC
-        change = abs(asked - before) if phase.kind == "small-change" else step
-        before = asked
+        setpoint_degC = phase.setpoint_degC
+        change = abs(setpoint_degC - before) if phase.kind == "small-change" else step
+        before = setpoint_degC
         if beyond := [*_beyond(proof, phase, change)]:
-            yield _side(phase.begin_s, phase.end_s, asked, min(beyond), up=up, name="overshoot")
+            yield _side(phase.begin_s, phase.end_s, setpoint_degC, min(beyond), up=up, name="overshoot")
         if phase.kind == "recovery" and limits.deviation_degC is not None:
-            yield _side(phase.begin_s, phase.end_s, asked, limits.deviation_degC, up=not up, name="deviation")
+            yield _side(phase.begin_s, phase.end_s, setpoint_degC, limits.deviation_degC, up=not up, name="deviation")
         if in_s < phase.end_s:
             for side in (True, False):
-                yield _side(in_s, phase.end_s, asked, band, up=side, name="settled")
+                yield _side(in_s, phase.end_s, setpoint_degC, band, up=side, name="settled")
 
 
 def _beyond(proof: Proof, phase: Phase, step: float) -> Iterator[float]:

@@ -118,10 +118,10 @@ class SearchProcess:
         if (pool := self._pool) is not None:
             self._newest.value = number = self._newest.value + 1
             try:
-                found = pool.submit(_numbered_optimum, number, fitted, settings)
+                future = pool.submit(_numbered_optimum, number, fitted, settings)
                 while True:
                     try:
-                        return found.result(_POLL_S)
+                        return future.result(_POLL_S)
                     except TimeoutError:
                         progress("searching the optimum")
             except (BrokenProcessPool, OSError):
@@ -203,13 +203,13 @@ async def warm(targets: Sequence[str] = tuple(TARGETS)) -> None:
     decide("kept")
     try:
         quiet = asyncio.subprocess.DEVNULL  # Ctrl-C reaches it too, and its traceback would be no news
-        beside = await asyncio.create_subprocess_exec(
+        process = await asyncio.create_subprocess_exec(
             sys.executable, "-m", __name__, *targets, stdout=quiet, stderr=quiet)
         try:
-            done = await beside.wait() == 0
+            done = await process.wait() == 0
         finally:
-            if beside.returncode is None:
-                beside.terminate()
+            if process.returncode is None:
+                process.terminate()
         if done:
             await asyncio.to_thread(host)  # what loads machine code: no answer shall wait for it
     except OSError:

@@ -73,7 +73,7 @@ def is_printer_log(source: str) -> bool:
 
 
 def read_source(source: str) -> LogSource:
-    """Return what a log file, a built-in table or a folder holds.
+    """Return the content of a log file, a built-in table or a folder.
 
     Raises:
         InputError: a file that is no log, a folder without the documents of `heatertune design`, a specification that
@@ -83,23 +83,23 @@ def read_source(source: str) -> LogSource:
         built_in = source.lower() in BUILT_IN
         return LogSource(log=chain.read_log(source, errata=built_in), settings=StudioSettings())
     documents = read_documents(Path(source))
-    held = documents["log"]
-    columns = {name: held[name] for name in ("name", "source", "time_s", "temperature_degC", "power_pct",
-                                              "setpoint_degC")} | {"cooling_pct": held.get("cooling_pct")}
-    log = with_own_clocks(Log(**columns, repairs=tuple(held["repairs"]), warnings=tuple(held["warnings"])),
-                          held.get("signals") or {})
+    content = documents["log"]
+    columns = {name: content[name] for name in ("name", "source", "time_s", "temperature_degC", "power_pct",
+                                                 "setpoint_degC")} | {"cooling_pct": content.get("cooling_pct")}
+    log = with_own_clocks(Log(**columns, repairs=tuple(content["repairs"]), warnings=tuple(content["warnings"])),
+                          content.get("signals") or {})
     fitted, design, recipe = from_document(documents["model"]), *pid_document.parts_of(documents["pid"])
     settings = StudioSettings(target=documents["words"]["target"], structure=documents["pid"]["structure"])
     if recipe is None:
         return LogSource(log=log, settings=settings, fitted=fitted)
-    found = _folder_design(design, fitted, recipe, source)
+    outcome = _folder_design(design, fitted, recipe, source)
     words, verdict = documents["words"]["words"], documents["proof"]["verdict"]
-    if dict(found.gains.words.values) != words or found.result.proof.verdict != verdict:
+    if dict(outcome.gains.words.values) != words or outcome.result.proof.verdict != verdict:
         return LogSource(log=log, settings=settings, fitted=fitted, as_left=(
             f"{source}: another design is shown: its {verdict} is of other words or runs than its pid.json makes"))
     lost = ", ".join(_without_place(recipe))
     return LogSource(
-        log=log, settings=_as_made(settings, design, recipe), fitted=fitted, outcome=found,
+        log=log, settings=_as_made(settings, design, recipe), fitted=fitted, outcome=outcome,
         as_left=f"{source}: the page has no place for {lost}; moving a setting leaves that out" if lost else "")
 
 
@@ -117,22 +117,22 @@ def _folder_design(design: PidDesign, fitted: FittedModel, recipe: DesignProvena
 
 def _as_made(start: StudioSettings, design: PidDesign, recipe: DesignProvenance) -> StudioSettings:
     """Return the settings of a design, as far as the page has them."""
-    asked, (low, high), ms = recipe.conditions, recipe.range_degC, _MS.search(design.method)
+    terms, (low, high), ms = recipe.conditions, recipe.range_degC, _MS.search(design.method)
     return replace(
         start, ms=float(ms[1]) if ms else start.ms, sample_time_s=design.sample_time_s,
-        pwm_period_s=asked.pwm_period_s, low_degC=low, high_degC=high,
-        setpoint_degC=None if isinstance(asked.setpoint_degC, tuple) else asked.setpoint_degC, input=recipe.input,
-        noise_degC=asked.noise_degC, tolerance_degC=asked.tolerance_degC, limits=asked.limit,
-        assumptions=tuple(asked.switches.items()), spec=asked.spec if asked.spec in PRESETS else GENERAL)
+        pwm_period_s=terms.pwm_period_s, low_degC=low, high_degC=high,
+        setpoint_degC=None if isinstance(terms.setpoint_degC, tuple) else terms.setpoint_degC, input=recipe.input,
+        noise_degC=terms.noise_degC, tolerance_degC=terms.tolerance_degC, limits=terms.limit,
+        assumptions=tuple(terms.switches.items()), spec=terms.spec if terms.spec in PRESETS else GENERAL)
 
 
 def _without_place(recipe: DesignProvenance) -> Iterator[str]:
     """Yield the options of a design that the page does not have."""
-    asked = recipe.conditions
-    placed = {*_SHOWN, *(["spec"] if asked.spec in PRESETS else [])}
-    placed -= {"setpoint_degC"} if isinstance(asked.setpoint_degC, tuple) else set()
+    conditions = recipe.conditions
+    placed = {*_SHOWN, *(["spec"] if conditions.spec in PRESETS else [])}
+    placed -= {"setpoint_degC"} if isinstance(conditions.setpoint_degC, tuple) else set()
     yield from (one.flag for name, one in options_of(Conditions).items()
-                if name not in placed and getattr(asked, name) != one.default)
+                if name not in placed and getattr(conditions, name) != one.default)
 
 
 def fit_log(log: Log, progress: ProgressCallback = str, settings: FitSettings | None = None) -> FittedModel:
@@ -294,8 +294,8 @@ class Session:
     def _folder_interval(self, target: str) -> dict[str, float | None]:
         """Return TA as it changes with the controller: that of an opened folder belongs to the folder's controller."""
         its, interval = self._folder
-        held = interval if self.settings.target == its else None
-        if interval is None or self.settings.sample_time_s != held:
+        interval_s = interval if self.settings.target == its else None
+        if interval is None or self.settings.sample_time_s != interval_s:
             return {}
         return {"sample_time_s": interval if target == its else None}
 
@@ -311,14 +311,14 @@ class Session:
 
     def gains(self) -> CandidateWords | None:
         """Return the design that was found for the settings, or an optimum that serves them; None: quick will do."""
-        found = self._found.get(self.key) if self.has_design else None
-        return self._gains.get(self._words_key()) if found is None else found.gains
+        outcome = self._found.get(self.key) if self.has_design else None
+        return self._gains.get(self._words_key()) if outcome is None else outcome.gains
 
     def _words_key(self, settings: StudioSettings | None = None, heater: int | None = None) -> Ticket:
         now = settings or self.settings
-        asked = (now.target, now.tune_settings, now.scaling, now.spec, now.limits, now.tolerance_degC, now.assumptions,
-                 now.heaters, now.pwm_period_s)
-        return self._heater if heater is None else heater, *asked
+        inputs = (now.target, now.tune_settings, now.scaling, now.spec, now.limits, now.tolerance_degC, now.assumptions,
+                  now.heaters, now.pwm_period_s)
+        return self._heater if heater is None else heater, *inputs
 
     def is_quick(self, ticket: Ticket) -> bool:
         """Return whether a design was found in haste, for the eye alone: another one is proven in its place."""
@@ -368,9 +368,9 @@ class Session:
         if self._found.get(self.key) is None:
             self._found.pop(self.key, None)  # nothing was found: it is tried again
         self._taken.add(self.key)
-        found = self._found.get(self.key)
-        if found is not None:
-            self._serve(found)
+        outcome = self._found.get(self.key)
+        if outcome is not None:
+            self._serve(outcome)
         self.show_remembered()
 
     def _serve(self, outcome: DesignOutcome) -> None:
@@ -397,8 +397,8 @@ class Session:
     @property
     def is_searching(self) -> bool:
         """Whether a design is to be found for the settings: the user asked for it, or their words fail."""
-        wanted = self.key in self._taken or (self.verdict == "FAIL" and not self.error)
-        return self.fitted is not None and wanted and self.key not in self._found
+        is_pending = self.key in self._taken or (self.verdict == "FAIL" and not self.error)
+        return self.fitted is not None and is_pending and self.key not in self._found
 
     @property
     def is_awaited(self) -> bool:
@@ -408,10 +408,10 @@ class Session:
     @property
     def suggestion(self) -> SuggestedChange | None:
         """What would pass where the words in front fail, or what it cost; None where neither is known."""
-        found = self._found.get(self.key)
-        if found is None or not (self.has_design or self.verdict == "FAIL"):
+        outcome = self._found.get(self.key)
+        if outcome is None or not (self.has_design or self.verdict == "FAIL"):
             return None
-        mend = mend_for(found.result, self.settings)
+        mend = mend_for(outcome.result, self.settings)
         return replace(mend, button="") if self.has_design and not mend.changes else mend
 
     def proof_done(self, ticket: Ticket, proof: Proof) -> bool:
@@ -459,8 +459,8 @@ class Session:
 
     def _of_front(self, proofs: Mapping[Ticket, tuple[Proof, _Beside]]) -> _Beside | None:
         """Return what is kept beside the proof of the design in front; None where there is none of that very proof."""
-        proof, beside = proofs.get(self.ticket, (None, None))
-        return beside if proof is self.proof else None
+        proof, extra = proofs.get(self.ticket, (None, None))
+        return extra if proof is self.proof else None
 
     @property
     def verdict(self) -> str:
@@ -492,7 +492,7 @@ class Session:
             raise InputError("this design is kept already")
         if len(self._pins) == MOST_PINNED:
             raise InputError(f"{MOST_PINNED} designs are kept already: let one go first")
-        name = next(letter for letter in "ABCD" if letter not in [taken for taken, _, _ in self._pins])
+        name = next(letter for letter in "ABCD" if letter not in [letter_in_use for letter_in_use, _, _ in self._pins])
         self._pins.append((name, look, self.ticket))
 
     def unpin(self, name: str) -> None:

@@ -184,8 +184,8 @@ class DroppedFile:
             assumed.window(log)
         except HeatertuneError as refused:
             log, problem = None, str(refused)
-        given: dict[str, Any] = {"settings": settings, "assumptions": assumed, "log": log, "problem": problem,
-                                 "power_content": power_content}
+        common: dict[str, Any] = {"settings": settings, "assumptions": assumed, "log": log, "problem": problem,
+                                  "power_content": power_content}
         sheet, heaters = None, list[str]()
         with suppress(LogError):
             several = heaters_in(Path(plain), content)
@@ -197,12 +197,12 @@ class DroppedFile:
         if sheet is None or not len(sheet):
             text = "" if b"\0" in content[:_LINES] else content[:_LINES * _LONGEST].decode("utf-8", "replace")
             lines = tuple(line[:_LONGEST] for line in text.splitlines()[:_LINES])
-            return cls(name=plain, content=content, lines=lines, zones=tuple(heaters), **given)
+            return cls(name=plain, content=content, lines=lines, zones=tuple(heaters), **common)
         reading = _reading(sheet, settings) if log is None or log.taken is None else log.taken.reading
         columns, tags = _columns(sheet, reading, log), _tags(sheet, reading)
         place = next((i for i, column in enumerate(columns) if column.role == "zone"), None)
         zones = heaters if place is None else islice(dict.fromkeys(sheet.columns[place]), _MOST_TAGS)
-        return cls(name=plain, content=content, columns=columns, tags=tags, zones=tuple(zones), **given)
+        return cls(name=plain, content=content, columns=columns, tags=tags, zones=tuple(zones), **common)
 
     @property
     def is_long(self) -> bool:
@@ -211,14 +211,14 @@ class DroppedFile:
 
     def with_role(self, number: int, role: str, *, tag: bool = False) -> DroppedFile:
         """Return the file with another role of a column, or of a tag; who had that role has none."""
-        known, options = (self.tags, _TAG_OPTIONS) if tag else (self.columns, _options(long=self.is_long))
-        roles = [IGNORED if one.role == role else one.role for one in known]
+        columns, options = (self.tags, _TAG_OPTIONS) if tag else (self.columns, _options(long=self.is_long))
+        roles = [IGNORED if one.role == role else one.role for one in columns]
         roles[number] = role
         changed: dict[str, Any] = dict.fromkeys(options.values())
         for role_, option in options.items():
             if role_ in roles:
                 place = roles.index(role_)
-                changed[option] = known[place].name if tag else _reference(known, place)
+                changed[option] = columns[place].name if tag else _reference(columns, place)
             elif role_ in ("power", "setpoint", "quality", "date"):
                 changed[option] = NO_COLUMN
         if not (self.is_long or tag):
@@ -275,9 +275,9 @@ class DroppedFile:
         """
         if self.log is None:
             raise InputError(self.problem)
-        known = self.assumptions.fit_settings
+        settings = self.assumptions.fit_settings
         # a power that is logged, or stated throughout, tells more
-        return self.log, known if self.log.power_pct is None else replace(known, largest_power_pct=None)
+        return self.log, settings if self.log.power_pct is None else replace(settings, largest_power_pct=None)
 
 
 def change_sheet(dropped: DroppedFile, change: str, place: int, value: str) -> DroppedFile:
@@ -323,16 +323,16 @@ def answers_to(problem: str) -> dict[str, tuple[str, object]]:
         Option and value → field of `ReadSettings` and its value.
     """
     flags = {option.flag: option for option in options_of(ReadSettings).values()}
-    found: dict[str, tuple[str, object]] = {}
+    answers: dict[str, tuple[str, object]] = {}
     for flag, candidates, rest in _NAMED_OPTION.findall(problem):
         if (option := flags.get(flag)) is not None:
             for words in map(str.split, candidates.split(" or ")) if candidates else [_WORD.findall(rest)]:
-                found |= {f"{flag} {text}".strip(): (option.name, value) for text, value in _values(option, words)}
-    return found
+                answers |= {f"{flag} {text}".strip(): (option.name, value) for text, value in _values(option, words)}
+    return answers
 
 
 def _values(option: Option, words: Sequence[str]) -> list[tuple[str, object]]:
-    """Return what is typed for an option, and its value, of the words that follow its name."""
+    """Return the text typed for an option, and its value, of the words that follow its name."""
     plain = [*map(methodcaller("strip", "'\",.:"), words)]
     if option.kind is bool:
         return [("", True)]
@@ -384,51 +384,51 @@ def _assuming(log: Log, assumed: SheetAssumptions) -> Log:
     """Return a log without power with a constant one, which is told, where the user says so."""
     if assumed.power_pct is None or log.power_pct is not None:
         return log
-    told = f"The power is not in the file; taken as {assumed.power_pct:g} % throughout, as you say."
-    return replace(log, repairs=(*log.repairs, told)).with_rows(power_pct=np.full(len(log.time_s), assumed.power_pct))
+    repair = f"The power is not in the file; taken as {assumed.power_pct:g} % throughout, as you say."
+    return replace(log, repairs=(*log.repairs, repair)).with_rows(power_pct=np.full(len(log.time_s), assumed.power_pct))
 
 
 def _reading(sheet: Sheet, settings: ReadSettings) -> dict[str, Any]:
     """Return the options of a reading that failed: what the user says, else what the names tell."""
-    said = {name: getattr(settings, name) for name in ReadSettings.__slots__}
-    said = {name: value for name, value in said.items() if value is not None}
+    options = {name: getattr(settings, name) for name in ReadSettings.__slots__}
+    options = {name: value for name, value in options.items() if value is not None}
     tag, value = _long_places(sheet, settings)
     if tag is not None and value is not None:
-        named = {"time_column": next((i for i, name in enumerate(sheet.header) if role_of(name) == "time"), None),
-                 "quality_column": next((i for i, name in enumerate(sheet.header) if is_quality(name)), None),
-                 "tag_column": tag, "temperature_column": value}
-        return {option: str(place + 1) for option, place in named.items() if place is not None} | said
-    wanted = {role: said[option] for role, option in _OPTIONS.items()
-              if option in said and role not in ("date", "zone")}
+        by_option = {"time_column": next((i for i, name in enumerate(sheet.header) if role_of(name) == "time"), None),
+                     "quality_column": next((i for i, name in enumerate(sheet.header) if is_quality(name)), None),
+                     "tag_column": tag, "temperature_column": value}
+        return {option: str(place + 1) for option, place in by_option.items() if place is not None} | options
+    column_names = {role: options[option] for role, option in _OPTIONS.items()
+                    if option in options and role not in ("date", "zone")}
     try:
-        columns = find_columns(sheet, wanted)
+        columns = find_columns(sheet, column_names)
     except LogError:
-        return said
+        return options
     units = {option: unit for role, option in (("time", "time_unit"), ("temperature", "temperature_unit"))
              if role in columns.index and (unit := columns.unit(role)) is not None}
-    return {f"{role}_column": str(place + 1) for role, place in columns.index.items()} | units | said
+    return {f"{role}_column": str(place + 1) for role, place in columns.index.items()} | units | options
 
 
 def _long_places(sheet: Sheet, settings: ReadSettings) -> tuple[int | None, int | None]:
-    asked = TagSelection(
+    selection = TagSelection(
         temperature=settings.tag, power=settings.power_tag, setpoint=settings.setpoint_tag, column=settings.tag_column,
         value=settings.temperature_column)
     try:
-        return places(sheet, asked)
+        return places(sheet, selection)
     except LogError:
         return None, None
 
 
 def _columns(sheet: Sheet, reading: Mapping[str, Any], log: Log | None) -> tuple[SheetColumn, ...]:
     long = reading.get("tag_column") is not None and bool(_tags(sheet, reading))
-    taken: dict[int, str] = {}
+    roles: dict[int, str] = {}
     for role, option in _options(long=long).items():
         place = _place(sheet, reading.get(option))
         if place is not None:
-            taken.setdefault(place, role)
+            roles.setdefault(place, role)
     return tuple(
-        SheetColumn(name=name, role=taken.get(i, IGNORED), roles=_LONG_ROLES if long else ROLES,
-               unit=_unit_sheet(taken.get(i, IGNORED), reading, log),
+        SheetColumn(name=name, role=roles.get(i, IGNORED), roles=_LONG_ROLES if long else ROLES,
+               unit=_unit_sheet(roles.get(i, IGNORED), reading, log),
                cells=tuple(sheet.columns[i][:_ROWS]))
         for i, name in enumerate(sheet.names()))
 
@@ -454,11 +454,11 @@ def _tags(sheet: Sheet, reading: Mapping[str, Any]) -> tuple[SheetColumn, ...]:
     cells: dict[str, list[str]] = {}
     for name, cell in zip(sheet.columns[tag], sheet.columns[value], strict=True):
         cells.setdefault(name, []).append(cell)
-    taken = {reading.get(option): role for role, option in _TAG_OPTIONS.items()}
+    roles = {reading.get(option): role for role, option in _TAG_OPTIONS.items()}
     return tuple(
-        SheetColumn(name=name, role=taken.get(name, IGNORED), roles=_TAG_ROLES, cells=tuple(held[:_ROWS]),
-               unit=_unit_sheet(taken.get(name, IGNORED), reading, None))
-        for name, held in islice(cells.items(), _MOST_TAGS))
+        SheetColumn(name=name, role=roles.get(name, IGNORED), roles=_TAG_ROLES, cells=tuple(texts[:_ROWS]),
+               unit=_unit_sheet(roles.get(name, IGNORED), reading, None))
+        for name, texts in islice(cells.items(), _MOST_TAGS))
 
 
 def _place(sheet: Sheet, said: Any) -> int | None:
@@ -545,11 +545,11 @@ def _unit(column: SheetColumn, place: int) -> str:
         return number_field("reading at full power", "power_full_scale", place, column.unit, "at full power")
     if column.role == "time" and column.unit == "stamps":
         return '<span class="unit">date and time</span>'
-    known = _UNITS.get("temperature" if column.role == "values" else column.role)
-    if known is None:
+    units = _UNITS.get("temperature" if column.role == "values" else column.role)
+    if units is None:
         return ""
     option = "time_unit" if column.role == "time" else "temperature_unit"
-    return select_field(f"unit of {column.name}", option, place, {"": "unit?", **known}, column.unit)
+    return select_field(f"unit of {column.name}", option, place, {"": "unit?", **units}, column.unit)
 
 
 def _rest(dropped: DroppedFile) -> str:
@@ -585,12 +585,12 @@ def _assumptions(dropped: DroppedFile) -> str:
                                 "% power throughout (empty: not known)"),
                    number_field("largest power in percent, if known", "largest_power_pct", 0, assumed.largest_power_pct,
                                 "% largest power in this log (100 if it was fully on for a while)")]
-    told = [number_field("setpoint of the trace in °C", "setpoint_degC", 0, assumed.setpoint_degC,
+    inputs = [number_field("setpoint of the trace in °C", "setpoint_degC", 0, assumed.setpoint_degC,
                     "°C setpoint (empty: as logged, else that of the proof)"),
-            number_field("heat-up begins, in s", "begins_s", 0, assumed.begins_s, "s: heat-up begins (empty: found)"),
-            number_field("load came, in s", "load_at_s", 0, assumed.load_at_s, "s: load came (empty: none)")]
+              number_field("heat-up begins, in s", "begins_s", 0, assumed.begins_s, "s: heat-up begins (empty: found)"),
+              number_field("load came, in s", "load_at_s", 0, assumed.load_at_s, "s: load came (empty: none)")]
     return (f'<h3>Assumptions</h3><div class="fields">{"".join(fields)}</div><div class="of-trace">'
-            f'<h3>Of a trace of the commissioned loop</h3><div class="fields">{"".join(told)}</div></div>')
+            f'<h3>Of a trace of the commissioned loop</h3><div class="fields">{"".join(inputs)}</div></div>')
 
 
 def _repairs(log: Log | None) -> str:
@@ -648,8 +648,8 @@ class SheetCard:
     @property
     def reading(self) -> ReadSettings:
         """What the user said of units and rows, which holds for the columns of each zone."""
-        known = ReadSettings() if self._dropped is None else self._dropped.settings
-        return ReadSettings(**{name: getattr(known, name) for name in _SHARED})
+        settings = ReadSettings() if self._dropped is None else self._dropped.settings
+        return ReadSettings(**{name: getattr(settings, name) for name in _SHARED})
 
     def close(self) -> None:
         """Forget the file."""

@@ -37,7 +37,7 @@ _HOUR_S: Final = 3600.0
 
 
 def diagnosis(log: Log, fitted: FittedModel) -> str:
-    """Return what the log told: outcome, parameters with intervals, doubts, as HTML."""
+    """Return the fit of the log: outcome, parameters with intervals, doubts, as HTML."""
     document = to_document(fitted)
     rows = model_rows(document)
     models = len(fitted.plants)
@@ -138,8 +138,8 @@ def criteria(proof: Proof) -> str:
         limit = "" if criterion.limit is None else f"{'≥' if criterion.at_least else '≤'} {figure(criterion.limit)}"
         mark = "" if criterion.limit is None or not proof.open_points else "ok" if criterion.ok else "FAIL"
         rows.append([criterion.name.replace("_", " "), criterion_value(document), limit, criterion.unit, mark])
-    found = "worst" if proof.open_points else "nominal"
-    return table(["criterion", found, "limit", "unit", "kept"], rows, numeric=(1,))
+    value_title = "worst" if proof.open_points else "nominal"
+    return table(["criterion", value_title, "limit", "unit", "kept"], rows, numeric=(1,))
 
 
 def verdict_text(verdict: str, proof: Proof | None, *, last: bool = False) -> str:
@@ -161,9 +161,9 @@ def conditions(proof: Proof | None) -> str:
 
 
 def sentence(proof: Proof, switch_kind: str) -> str:
-    """Return what the loop does in one sentence; of a first look it is the nominal run's."""
-    found = {criterion.name: criterion.value for criterion in proof.criteria}
-    settling, overshoot, switchings = (found.get(name) for name in ("settling_time", "overshoot", "switchings"))
+    """Return the behaviour of the loop in one sentence; of a first look it is the nominal run's."""
+    by_name = {criterion.name: criterion.value for criterion in proof.criteria}
+    settling, overshoot, switchings = (by_name.get(name) for name in ("settling_time", "overshoot", "switchings"))
     worst = " at worst" if proof.open_points else ", nominal run"
     parts = []
     if settling is not None:
@@ -187,7 +187,7 @@ def duration_text(seconds: float) -> str:
 
 
 def key(names: Sequence[tuple[str, str, str]], *, walls: bool = True) -> str:
-    """Return what each line of a picture is: name, colour and dashes of it; `walls`: of a picture with limits."""
+    """Return the legend of a picture: name, colour and dashes of it; `walls`: of a picture with limits."""
     shown = "".join(
         f'<li><svg width="34" height="10" aria-hidden="true"><line x1="0" y1="5" x2="34" y2="5" stroke="{color}" '
         f'stroke-width="2" stroke-dasharray="{dashes}"/></svg>{text_of(name)}</li>' for name, color, dashes in names)
@@ -202,21 +202,21 @@ def in_words(picture: Picture, runs: int) -> str:
              figure(part.highest_degC), figure(part.lowest_degC),
              "never" if part.within_s is None else f"in {duration_text(part.within_s - part.begin_s)}"]
             for number, part in enumerate(picture.parts, 1)]
-    told = f"The nominal run of {runs}" if runs > 1 else "The nominal run"
+    subject = f"The nominal run of {runs}" if runs > 1 else "The nominal run"
     heads = ("part", "from", "asked", "most", "least", "settled")
-    return f"<p>{told}, part by part; temperatures in °C:</p>" + table(heads, rows, numeric=(2, 3, 4))
+    return f"<p>{subject}, part by part; temperatures in °C:</p>" + table(heads, rows, numeric=(2, 3, 4))
 
 
 def proving_text(done: str) -> str:
-    """Return what the banner says while a proof runs, which is so far."""
+    """Return the banner's text while a proof runs, which is so far."""
     return f"Proving the words on every plausible heater{', ' if done else ''}{done}…"
 
 
 def notes(look: LoopView) -> str:
     """Return how the gains and the words were found and how the loop is switched, as HTML."""
-    held = look.gains.words
+    words = look.gains.words
     settings, actuator = look.settings, look.proof.actuator
-    own = controller_for(held.target).timing(held).pwm_period_s is not None
+    own = controller_for(words.target).timing(words).pwm_period_s is not None
     sentences = [
         f"Gains: {look.gains.design.method}.",
         *look.gains.notes,
@@ -261,10 +261,10 @@ def _side_by_side(pinned: Sequence[PinnedDesign]) -> Iterator[tuple[str, list[st
         yield f"word {name}", [_words_of(pin).get(name, "—") for pin in pinned]
     yield "Ms of the words", ["—" if pin.look.margins is None else figure(pin.look.margins.ms, 3) for pin in pinned]
     for name in ("overshoot", "settling_time", "iae"):
-        found = [next((c for c in pin.look.proof.criteria if c.name == name), None) for pin in pinned]
-        unit = next((c.unit for c in found if c is not None), "")
+        criteria_of_pins = [next((c for c in pin.look.proof.criteria if c.name == name), None) for pin in pinned]
+        unit = next((c.unit for c in criteria_of_pins if c is not None), "")
         yield f"{name.replace('_', ' ')}, nominal [{unit}]", [
-            "—" if c is None else criterion_value(c.to_document()) for c in found]
+            "—" if c is None else criterion_value(c.to_document()) for c in criteria_of_pins]
     yield "verdict", [pin.verdict for pin in pinned]
 
 
@@ -275,5 +275,5 @@ def _words_of(pin: PinnedDesign) -> dict[str, str]:
 
 def export_name(log: Log, look: LoopView) -> str:
     """Return the name of the zip and the report, without ending."""
-    kept = "".join(c if c.isalnum() or c in "-_" else "-" for c in log.name)
-    return f"{kept}-{look.settings.target}"
+    stem = "".join(c if c.isalnum() or c in "-_" else "-" for c in log.name)
+    return f"{stem}-{look.settings.target}"

@@ -56,7 +56,7 @@ def for_page(text: str) -> str:
 
 
 def fault_text(problem: Exception) -> str:
-    """Return what a user is told of a fault of heatertune itself, and what to do."""
+    """Return the message about a fault of heatertune itself, and the remedy."""
     return (f"Something went wrong inside heatertune ({type(problem).__name__}). Log and settings are kept: move a "
             "control to continue; if it happens again, restart the studio and report what its terminal shows.")
 
@@ -103,19 +103,19 @@ def mend_for(result: DesignResult, settings: StudioSettings) -> SuggestedChange:
     """Return the offer of a design that was found for settings whose words fail."""
     if result.proof.verdict != "FAIL":
         notes = [note for note in result.notes if not note.startswith("Under ")]
-        told = notes[0] if notes else "The optimum keeps every limit; the gains in front were found in haste."
-        return SuggestedChange(message=_plain(told), button="Show the nearest design that passes")
-    told = _plain(result.notes[-1]) if result.notes else "Nothing tried mends it."
+        message = notes[0] if notes else "The optimum keeps every limit; the gains in front were found in haste."
+        return SuggestedChange(message=_plain(message), button="Show the nearest design that passes")
+    message = _plain(result.notes[-1]) if result.notes else "Nothing tried mends it."
     moved = dict(_moved(result.passes_with, settings))
     if not moved:
-        return SuggestedChange(message=told)
+        return SuggestedChange(message=message)
     button = "Take that as known" if "assumptions" in moved else (
         "Ask for that" if {*result.passes_with[::2]} <= {*_ASKED} else "Allow that much")
-    return SuggestedChange(message=told, changes=moved, button=button)
+    return SuggestedChange(message=message, changes=moved, button=button)
 
 
 def assumptions_text(settings: StudioSettings) -> str:
-    """Return what was allowed or taken as known beside the defaults, "" where nothing was."""
+    """Return the limits and assumptions other than the defaults, "" where there are none."""
     parts = [f"{name} = {setting}" for name, setting in settings.assumptions]
     parts += [f"{name.replace('-', ' ')} up to {value}" for name, _, value in
               (limit.partition("=") for limit in settings.limits)]
@@ -132,8 +132,8 @@ def _moved(options: tuple[str, ...], settings: StudioSettings) -> Iterator[tuple
     if switches:
         yield "assumptions", (*settings.assumptions, *switches)
     if limits:
-        named = {limit.partition("=")[0] for limit in limits}
-        yield "limits", (*(own for own in settings.limits if own.partition("=")[0].strip() not in named), *limits)
+        names = {limit.partition("=")[0] for limit in limits}
+        yield "limits", (*(own for own in settings.limits if own.partition("=")[0].strip() not in names), *limits)
     for flag, value in pairs:
         if flag in _FIELDS:
             yield _FIELDS[flag], None if value == "auto" else value if flag in _NAMES else float(value)

@@ -328,9 +328,9 @@ def zones_charts(proof: JointProof) -> tuple[Options, Options]:
         for lines, values, name, kind in ((upper, trace.temperatures_degC, zone, None),
                                           (upper, trace.setpoints_degC, f"setpoint {zone}", "dotted"),
                                           (lower, trace.powers_pct, zone, None)):
-            kept = downsample(trace.time_s, values[:, number], _PIXELS)
+            points = downsample(trace.time_s, values[:, number], _PIXELS)
             lines.append(line_series(
-                name, trace.time_s[kept], values[kept, number], "realised", kind=kind, color=color))
+                name, trace.time_s[points], values[points, number], "realised", kind=kind, color=color))
     powers = line_chart("time [s]", "requested power [%]", lower)
     powers["yAxis"] |= {"min": 0, "max": 100}
     return line_chart("time [s]", "temperature [°C]", upper), powers

@@ -79,8 +79,8 @@ def _supervised_loop(
     """Return words, heater and conditions: of a file, or designed for a model as `design` does."""
     schema = None if settings.pid is None else peek_schema(settings.pid)
     if settings.pid is not None and not (schema or "").startswith("heatertune/model/"):
-        asked = proof_source(settings)
-        return asked.words, asked.fitted_model, asked.conditions, asked.notes
+        source = proof_source(settings)
+        return source.words, source.fitted_model, source.conditions, source.notes
     from heatertune.proof.design_request import DesignRequest, plainly
 
     fitted = common.model_from(settings, settings.pid)

@@ -114,8 +114,8 @@ def _fitted(
     above = np.column_stack([sign * u, -sign * r, np.ones(len(m))])
     near = np.column_stack([sign * points[:, 1] / units[2], -sign * points[:, 0] / units[1], np.ones(len(points))])
     cost = near.mean(axis=0) + _ALL_WEIGHT * above.mean(axis=0)
-    found = linprog(cost, A_ub=-above, b_ub=-m, bounds=[(0.0, None), (0.0, None), (None, None)], method="highs")
-    gain, loss, rest = found.x if found.success else (0.0, 0.0, float(m.max()))
+    solution = linprog(cost, A_ub=-above, b_ub=-m, bounds=[(0.0, None), (0.0, None), (None, None)], method="highs")
+    gain, loss, rest = solution.x if solution.success else (0.0, 0.0, float(m.max()))
     return gain * units[0] / units[2], loss * units[0] / units[1], rest * units[0]
 
 
@@ -141,7 +141,7 @@ class Tally(NamedTuple):
 
 def _tallied(numbers: Numbers, state: Any, readings: Any, powers: Any, settled: int, begins: int, out: Any) -> None:
     restart(state)
-    off, known, last, least, most = True, False, 0, 0, 0
+    off, has_level, last, least, most = True, False, 0, 0, 0
     for k in range(len(readings)):
         reading, power = int(readings[k]), int(powers[k])
         if power < 0:
@@ -156,8 +156,8 @@ def _tallied(numbers: Numbers, state: Any, readings: Any, powers: Any, settled: 
         out[2] = max(out[2], reading - last, last - reading)
         out[3], out[4], out[5], out[6] = max(out[3], still), max(out[4], moved), max(out[5], full), max(out[6], grew)
         if begins <= k < settled and ended:
-            least, most = (min(least, level), max(most, level)) if known else (level, level)
-            out[7], known = most - least, True
+            least, most = (min(least, level), max(most, level)) if has_level else (level, level)
+            out[7], has_level = most - least, True
         last = reading
 
 
@@ -310,13 +310,13 @@ def design(bench: Bench, checked: int = 300, *, seed: int = 0, progress: Progres
     margin, tripped = _MARGIN, 0
     windows_of = _chosen(bench, numbers, runs[:_FEW], broken, margin)
     for batch in range(_BATCHES):
-        made = _with_windows(bench, numbers, runs, windows_of, margin)
+        monitor = _with_windows(bench, numbers, runs, windows_of, margin)
         progress(f"trying it on {checked} other heaters ({batch + 1} of {_BATCHES})")
         seeds = range(seed + FRESH + batch * checked, seed + FRESH + (batch + 1) * checked)
-        trips = threaded_list(partial(_trips, bench, made), list(map(family.member, seeds)))
+        trips = threaded_list(partial(_trips, bench, monitor), list(map(family.member, seeds)))
         caught = [one for one in trips if one is not None]
         if not caught:
-            return MonitorDesign(numbers=made, checked=checked, tripped=tripped, off=off)
+            return MonitorDesign(numbers=monitor, checked=checked, tripped=tripped, off=off)
         tripped += len(caught)
         runs += caught
         margin *= _WIDER
@@ -418,7 +418,7 @@ def _with_windows(
     bench: Bench, numbers: Numbers, runs: Sequence[Ran], blocks: dict[bool, int], margin: float
 ) -> Numbers:
     """Return the numbers with those of the windows: both planes have one scale."""
-    found = False
+    has_window = False
     for largest, length in blocks.items():
         if not length:
             continue
@@ -426,12 +426,12 @@ def _with_windows(
         plane = plane_of(rows, _points(bench, numbers, length, largest=largest), largest=largest, share=margin,
                          more=float(numbers.block))
         if plane is not None:
-            found = True
+            has_window = True
             of = "fast" if largest else "slow"
             numbers = numbers._replace(**{
                 f"{of}_blocks": length, f"{of}_scale": plane.scale, f"{of}_gain": plane.gain,
                 f"{of}_loss": plane.loss, f"{of}_rest": plane.rest})
-    if not found:
+    if not has_window:
         raise InputError("no monitor: the movements of heaters in order do not fit into 32 bits; a shorter TA may help")
     return numbers
 
@@ -586,7 +586,7 @@ class SupervisionView:
 
 
 def read_supervision(path: str | Path) -> SupervisionView:
-    """Return what a supervision.json holds.
+    """Return the content of a supervision.json.
 
     Raises:
         DocumentError: it is none, or does not hold together; the error names the field.

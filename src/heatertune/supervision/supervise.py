@@ -122,7 +122,7 @@ def klipper(  # noqa: C901 - one branch for each of the rule, told from its begi
 ) -> tuple[int, float]:
     """Return the scan at which Klipper stops, -1 for never, and the largest error that could have."""
     last, error, most, goal, due = 0.0, 0.0, 0.0, 0.0, 0.0
-    way, begun, until = False, False, 0.0
+    approaching_target, starting_approach, until = False, False, 0.0
     for k in range(len(snapshot)):
         now, aim, temperature = k * scan_s, target[k], snapshot[k]
         if k >= first and aim > 0.0 and not rule.min_temp <= temperature <= rule.max_temp:
@@ -132,26 +132,26 @@ def klipper(  # noqa: C901 - one branch for each of the rule, told from its begi
         due += 1.0
         short = aim - rule.hysteresis - temperature
         if short <= 0.0 or aim <= 0.0:
-            way = begun = False
+            approaching_target = starting_approach = False
             if temperature <= aim + rule.hysteresis:
                 error = 0.0
             last = aim
             continue
         error += short
-        if not way:
+        if not approaching_target:
             if aim != last:
-                way = begun = True
+                approaching_target = starting_approach = True
                 goal, until = temperature + rule.heating_gain, now + rule.check_gain_time
             else:
                 most = max(most, error)
                 if error >= rule.max_error and k >= first:
                     return k, most
         elif temperature >= goal:
-            begun, error = False, 0.0
+            starting_approach, error = False, 0.0
             goal, until = temperature + rule.heating_gain, now + rule.check_gain_time
         elif now >= until:
-            way = False
-        elif begun:
+            approaching_target = False
+        elif starting_approach:
             goal = min(goal, temperature + rule.heating_gain)
         last = aim
     return -1, most
@@ -165,13 +165,13 @@ def marlin(rule: Any, snapshot: Any, target: Any, scan_s: float, first: int) -> 
         now, aim, temperature = k * scan_s, target[k], snapshot[k]
         if k >= first and aim > 0.0 and not rule.min_temp <= temperature <= rule.max_temp:
             return k, most
-        asked, last = aim != last, aim
-        if asked:
+        is_new_target, last = aim != last, aim
+        if is_new_target:
             warm, until = False, -1.0
         if aim <= 0.0:
             continue
-        if rule.watch_increase > 0.0 and (asked or 0.0 <= until < now):
-            if not asked and temperature < goal and k >= first:
+        if rule.watch_increase > 0.0 and (is_new_target or 0.0 <= until < now):
+            if not is_new_target and temperature < goal and k >= first:
                 return k, most
             far = temperature < aim - rule.watch_increase - _BEFORE_WATCH_DEGC
             goal, until = temperature + rule.watch_increase, now + rule.watch_period if far else -1.0
@@ -232,9 +232,9 @@ def lines_of(rule: Rule, head: Sequence[str], stated: Mapping[str, str]) -> tupl
         stated: open point of the controller → its setting, the heater of the printer among them.
     """
     if isinstance(rule, VerifyHeater):
-        named = rule._asdict()
-        limits = [f"min_temp: {named.pop('min_temp'):g}", f"max_temp: {named.pop('max_temp'):g}"]
-        text = [f"[verify_heater {heater_of(stated)[1]}]", *(f"{name}: {value:g}" for name, value in named.items()), "",
+        table = rule._asdict()
+        limits = [f"min_temp: {table.pop('min_temp'):g}", f"max_temp: {table.pop('max_temp'):g}"]
+        text = [f"[verify_heater {heater_of(stated)[1]}]", *(f"{name}: {value:g}" for name, value in table.items()), "",
                 "# in the section of the heater, as its parts bear them:", *(f"# {line}" for line in limits)]
         return "klipper_verify_heater.cfg", "\n".join([*(f"# {line}" for line in head), *text]) + "\n"
     bed, limit = ("BED_", "BED") if stated.get("heater") == "bed" else ("", "HEATER_0")
@@ -254,8 +254,8 @@ def _ran(rule: Rule, record: _Record) -> tuple[int, float]:
 
 
 def _record(card: Card, run: Ran, target: Array, first: int, scan_s: float) -> _Record:
-    seen = np.asarray(card.low_degC + card.step_degC * run.counts, dtype=np.float64)
-    return _Record(reading_degC=seen, target=np.where(run.power < 0, 0.0, target), first=first, scan_s=scan_s)
+    readings_degC = np.asarray(card.low_degC + card.step_degC * run.counts, dtype=np.float64)
+    return _Record(reading_degC=readings_degC, target=np.where(run.power < 0, 0.0, target), first=first, scan_s=scan_s)
 
 
 def _story(bench: Bench, member: Any) -> _Record:
@@ -288,10 +288,10 @@ def _late(rule: Rule, records: Sequence[_Record]) -> float:
 
 
 def _soonest(rules: Iterator[Any], records: Sequence[_Record], none: str) -> Any:
-    found = [(_late(rule, records), number, rule) for number, rule in enumerate(rules)]
-    if not found:
+    trips = [(_late(rule, records), number, rule) for number, rule in enumerate(rules)]
+    if not trips:
         raise InputError(none)
-    return min(found)[2]
+    return min(trips)[2]
 
 
 def _needed(rule: Rule, stories: Sequence[_Record]) -> float:
@@ -402,30 +402,30 @@ def supervise(
     """
     assumed, drawn = conditions or Conditions(), drawn or SampleCounts()
     bench = bench_of(words, fitted, assumed, drawn)
-    made = design(bench, drawn.checked, seed=drawn.seed, progress=progress)
+    monitor = design(bench, drawn.checked, seed=drawn.seed, progress=progress)
     faults = []
     for number, kind in enumerate(FAULTS):
         progress(f"{kind.name} ({number + 1} of {len(FAULTS)})")
-        faults.append(_fault(bench, _monitored(made.numbers), kind, drawn))
+        faults.append(_fault(bench, _monitored(monitor.numbers), kind, drawn))
     family, card = bench.family, bench.card
-    head, beside = list(_head(words, family, made, card)), list[FaultView]()
+    head, built_in = list(_head(words, family, monitor, card)), list[FaultView]()
     if words.target in TARGETS:
         write = partial(lines_of, head=head, stated=dict(assumed.switches))
-        program, beside = _by_printer(bench, made, words, drawn, write, progress)
+        program, built_in = _by_printer(bench, monitor, words, drawn, write, progress)
     else:
         progress("comparing the program of the monitor with it")
-        program = export_monitor(made.numbers, words, card, head, _runs(bench, drawn))
+        program = export_monitor(monitor.numbers, words, card, head, _runs(bench, drawn))
     if words.target == TARGET:
-        beside = [_fault(bench, _monitored(reduce_monitor(made.numbers)), kind, drawn) for kind in FAULTS]
+        built_in = [_fault(bench, _monitored(reduce_monitor(monitor.numbers)), kind, drawn) for kind in FAULTS]
     document: dict[str, Any] = encode(SupervisionView(
         warning=WARNING, target=words.target, words=dict(words.values), scan_s=family.scan_s,
         setpoint_degC=family.setpoint_degC, card=CardView(zero_degC=card.low_degC, step_degC=card.step_degC),
-        numbers=made.numbers._asdict(), rules=tuple(_meanings(made, card, family.scan_s)), heaters=len(family.heaters),
+        numbers=monitor.numbers._asdict(), rules=tuple(_meanings(monitor, card, family.scan_s)),
         spread_pct=drawn.spread_pct, ambient_spread_degC=drawn.ambient_degC, noise_degC=family.noise_degC,
-        seed=drawn.seed, checked=made.checked, false_trips=0, widened_for=made.tripped,
-        off=tuple(OffView(rule=rule, why=why) for rule, why in made.off), faults=tuple(faults),
-        not_tested=(*_NOT_TESTED, *_untested(assumed)), program=program,
-        built_in=tuple(replace(row, missed_because=None) for row in beside), trace=_trace(bench, made, FAULTS[0])))
+        seed=drawn.seed, checked=monitor.checked, false_trips=0, widened_for=monitor.tripped,
+        off=tuple(OffView(rule=rule, why=why) for rule, why in monitor.off), faults=tuple(faults),
+        not_tested=(*_NOT_TESTED, *_untested(assumed)), program=program, heaters=len(family.heaters),
+        built_in=tuple(replace(row, missed_because=None) for row in built_in), trace=_trace(bench, monitor, FAULTS[0])))
     return document
 
 
@@ -551,7 +551,7 @@ def _runs(bench: Bench, drawn: SampleCounts) -> list[Ran]:
 
 
 def _head(words: Words, family: HeaterFamily, design: MonitorDesign, card: Card) -> Iterator[str]:
-    """Return what the program says first."""
+    """Return the head of the program."""
     yield (f"Supervision of the heater by {words.target}'s own rule, numbers by heatertune" if words.target in TARGETS
            else f"Monitor of the heater beside the controller of {words.target}, written by heatertune")
     yield from textwrap.wrap(WARNING, 100)
@@ -566,7 +566,7 @@ def _seconds(time: float) -> str:
 
 
 def _meanings(design: MonitorDesign, card: Card, scan: float) -> Iterator[str]:
-    """Return what the numbers mean, one sentence for each rule."""
+    """Return the meaning of the numbers, one sentence for each rule."""
     numbers, step = design.numbers, card.step_degC
     block = numbers.block * scan
     yield f"A block is {numbers.block} scans, {_seconds(block)}."

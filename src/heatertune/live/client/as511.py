@@ -73,13 +73,13 @@ class As511Client(RequestConnection):
             place = self._places.pop(number, None) or self._info(number)
             for _ in range(_LOOKS):
                 first = self._within(place, start, count, what)
-                found = self._exchange(_READ, first.to_bytes(2, "big") + (first + count - 1).to_bytes(2, "big"))
+                answer = self._exchange(_READ, first.to_bytes(2, "big") + (first + count - 1).to_bytes(2, "big"))
                 was, place = place, self._info(number)
                 if place == was:
-                    if found[:5] != bytes(5) or len(found) != 5 + count:
-                        raise ConnectionError(f"{len(found)} bytes came, {found[:5].hex(' ')} first")
+                    if answer[:5] != bytes(5) or len(answer) != 5 + count:
+                        raise ConnectionError(f"{len(answer)} bytes came, {answer[:5].hex(' ')} first")
                     self._places[number] = place
-                    return found[5:]
+                    return answer[5:]
             raise ConnectionError("the block moves at each look")
 
         return self._talked(ask, what)
@@ -127,7 +127,7 @@ class As511Client(RequestConnection):
                                   f"was overwritten is not known")
 
     def _talked(self, ask: Callable[[], Answer], what: str) -> Answer:
-        """Return what `ask` returns; tell a refusal."""
+        """Return the result of `ask`; report a refusal."""
 
         def asked() -> Answer:
             try:
@@ -145,11 +145,11 @@ class As511Client(RequestConnection):
 
     def _info(self, number: int) -> _BlockAddress:
         """Return where a block is."""
-        found = self._exchange(_BLOCK_INFO, bytes((_DATA_BLOCK, _db(number))))
-        if len(found) != 13 or found[0] or found[3:7] != bytes((0x70, 0x70, 0x40 + _DATA_BLOCK, _db(number))):
-            raise ConnectionError(f"{found.hex(' ')} is not where DB{_db(number)} is")
-        return _BlockAddress(int.from_bytes(found[1:3], "big"),
-                             2 * (int.from_bytes(found[11:13], "big") - _HEADER_WORDS))
+        answer = self._exchange(_BLOCK_INFO, bytes((_DATA_BLOCK, _db(number))))
+        if len(answer) != 13 or answer[0] or answer[3:7] != bytes((0x70, 0x70, 0x40 + _DATA_BLOCK, _db(number))):
+            raise ConnectionError(f"{answer.hex(' ')} is not where DB{_db(number)} is")
+        return _BlockAddress(int.from_bytes(answer[1:3], "big"),
+                             2 * (int.from_bytes(answer[11:13], "big") - _HEADER_WORDS))
 
     def _exchange(self, function: int, body: bytes, *, replies: bool = True) -> bytes:
         """Run one function of the CPU, and return what it replies."""
@@ -177,33 +177,33 @@ class As511Client(RequestConnection):
 
     def _await(self, wanted: bytes, *, accepted: bool = False) -> None:
         """Take the bytes that are due; what is accepted is refused no more."""
-        found = b""
-        while found != wanted:
-            found += self._byte()
-            if found == _NO and not accepted:
+        answer = b""
+        while answer != wanted:
+            answer += self._byte()
+            if answer == _NO and not accepted:
                 self._again = time.monotonic() + PAUSE_S
                 raise _Refused
-            if not wanted.startswith(found) and (accepted or not _NO.startswith(found)):
-                raise ConnectionError(f"{found.hex(' ')} came, {wanted.hex(' ')} was due")
+            if not wanted.startswith(answer) and (accepted or not _NO.startswith(answer)):
+                raise ConnectionError(f"{answer.hex(' ')} came, {wanted.hex(' ')} was due")
 
     def _data(self) -> bytes:
         """Take data until 10 03; of a data byte 10h two come."""
-        found = bytearray()
+        content = bytearray()
         while True:
             byte = self._byte()
             if byte == b"\x10":
                 byte = self._byte()
                 if byte == b"\x03":
-                    return bytes(found)
+                    return bytes(content)
                 if byte != b"\x10":
                     raise ConnectionError(f"10 {byte.hex()} came within data")
-            found += byte
+            content += byte
 
     def _byte(self) -> bytes:
-        found: bytes = self._line.read(1)
-        if not found:
+        byte: bytes = self._line.read(1)
+        if not byte:
             raise TimeoutError(f"silence for {self._line.timeout:g} s")
-        return found
+        return byte
 
     def _close(self) -> None:
         if self._under_way:  # the system would still send what waits there

@@ -100,7 +100,7 @@ def _s7(text: str) -> Address:
         raise _wrong(text, "s7", "no rack and slot")
     tsaps = [_TSAP.fullmatch(part) for part in rest]
     if all(tsaps):
-        way = tuple(int(found[1], 16) << 8 | int(found[2], 16) for found in tsaps if found)
+        way = tuple(int(match[1], 16) << 8 | int(match[2], 16) for match in tsaps if match)
         return Address(**where, way=way, by_tsap=True, block=block)
     rack, slot = (_whole(text, "s7", what, part, most)
                   for what, part, most in zip(("rack", "slot"), rest, (7, 31), strict=True))
@@ -119,11 +119,11 @@ def _modbus(text: str) -> Address:
 
 
 def _opcua(text: str) -> Address:
-    found = _NODE.search(text)  # a name may hold what ends the path of a URL
-    if found is None:
+    match = _NODE.search(text)  # a name may hold what ends the path of a URL
+    if match is None:
         raise _wrong(text, "opc.tcp", "no node")
-    where, path = _network(text, "opc.tcp", text[: found.start()])
-    node, block = found[1], None
+    where, path = _network(text, "opc.tcp", text[: match.start()])
+    node, block = match[1], None
     if _BLOCK.fullmatch(node):
         block = _block(text, "opc.tcp", node)
         node = f"ns=2;s=DB{block}"
@@ -156,7 +156,7 @@ _READ: Final[Mapping[str, Callable[[str], Address]]] = {
 
 
 def _network(text: str, scheme: str, url: str) -> tuple[dict[str, Any], str]:
-    """Return what all addresses in a network have, and the path."""
+    """Return the parts that all addresses in a network have, and the path."""
     try:
         parts = urlsplit(url)
         host, port = parts.hostname, parts.port
@@ -246,7 +246,7 @@ class RequestConnection(ClosesOnExit):
     """A connection that is closed at the first request without an answer."""
 
     def sign_of_life(self) -> SignOfLife:
-        """Return what the protocol tells of the CPU; errors as `Client.read`."""
+        """Return the protocol's report on the CPU; errors as `Client.read`."""
         return SignOfLife()
 
     def __init__(self, address: Address) -> None:
@@ -254,7 +254,7 @@ class RequestConnection(ClosesOnExit):
         self._address, self._open, self._under_way = address, True, False
 
     def _answer_to(self, ask: Callable[[], Answer], what: str) -> Answer:
-        """Return what a request answers; `ask` raises `PlcRefused`, `LinkDown` or anything of the library's own."""
+        """Return the answer to a request; `ask` raises `PlcRefused`, `LinkDown` or anything of the library's own."""
         if not self._open:
             raise LinkDown(f"{self._address.text}: the connection is closed")
         self._under_way = True
@@ -333,7 +333,7 @@ class Client(Protocol):
         """
 
     def sign_of_life(self) -> SignOfLife:
-        """Return what the protocol tells of the CPU behind what was read last; errors as `read`."""
+        """Return the protocol's report on the CPU behind the last read; errors as `read`."""
 
     def close(self) -> None:
         """Close the connection; harmless where it is closed."""
@@ -376,13 +376,13 @@ def demand_library(protocol: str) -> None:
 
 
 def status_of_simulator(client: Client) -> SimulatorStatus | None:
-    """Return what the simulator's own block says; None: this is no simulator.
+    """Return the content of the simulator's own block; None: this is no simulator.
 
     Raises:
         LinkError: no answer.
     """
     try:
-        told = SimulatorStatus(client.read(OWN, 0, OWN_LENGTH))
+        status = SimulatorStatus(client.read(OWN, 0, OWN_LENGTH))
     except PlcRefused:
         return None
-    return told if told.marked else None
+    return status if status.marked else None

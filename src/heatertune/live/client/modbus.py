@@ -41,9 +41,9 @@ class ModbusClient(RequestConnection):
         before = start % 2
         first, registers = self._register(number, start), (before + count + 1) // 2
         what = f"reading registers {first}…{first + registers - 1}"
-        found = self._answer_to(lambda: self._good(
+        answer = self._answer_to(lambda: self._good(
             self._library.read_holding_registers(first, count=registers, device_id=self._address.way[0]), what), what)
-        content = b"".join(register.to_bytes(2, "big") for register in found.registers)
+        content = b"".join(register.to_bytes(2, "big") for register in answer.registers)
         return content[before : before + count]
 
     def write(self, number: int, start: int, content: bytes) -> None:
@@ -61,14 +61,14 @@ class ModbusClient(RequestConnection):
             self._library.write_registers(first, registers, device_id=self._address.way[0]), what), what)
 
     def sign_of_life(self) -> SignOfLife:
-        """Return what the heartbeat register shows, where the address names one."""
+        """Return the value of the heartbeat register, where the address names one."""
         register = self._address.heartbeat
         if register is None:
             return SignOfLife()
         what = f"reading the heartbeat, register {register}"
-        found = self._answer_to(lambda: self._good(
+        answer = self._answer_to(lambda: self._good(
             self._library.read_holding_registers(register, count=1, device_id=self._address.way[0]), what), what)
-        return SignOfLife(stamp=found.registers[0])
+        return SignOfLife(stamp=answer.registers[0])
 
     def _register(self, number: int, start: int) -> int:
         begins = OWN if number == OWN else self._address.block or 0

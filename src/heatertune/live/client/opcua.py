@@ -64,8 +64,8 @@ class OpcuaClient(RequestConnection):
         what = f"reading {self._node(number)}"
 
         async def ask() -> bytes:
-            found = await self._value(number)
-            content, self._stamp = self._content(found, what), found.SourceTimestamp
+            value = await self._value(number)
+            content, self._stamp = self._content(value, what), value.SourceTimestamp
             if start + count > len(content):
                 raise self._refused(f"{what}, bytes {start} to {start + count}", f"it has {len(content)} bytes")
             return content[start : start + count]
@@ -87,9 +87,9 @@ class OpcuaClient(RequestConnection):
 
         async def ask() -> None:
             value = ua.Variant(content if kind == ua.VariantType.ByteString else list(content), kind)
-            wanted = ua.WriteValue(ua.NodeId.from_string(self._node(number)), ua.AttributeIds.Value, span,
-                                   ua.DataValue(value))
-            await self._send(wanted, what)
+            write_value = ua.WriteValue(ua.NodeId.from_string(self._node(number)), ua.AttributeIds.Value, span,
+                                        ua.DataValue(value))
+            await self._send(write_value, what)
 
         self._run(ask, what)
 
@@ -108,10 +108,10 @@ class OpcuaClient(RequestConnection):
         return f"{self._address.node.partition(';')[0]};s=DB{OWN}"
 
     async def _value(self, number: int, index_range: str | None = None) -> ua.DataValue:
-        wanted = ua.ReadValueId(ua.NodeId.from_string(self._node(number)), ua.AttributeIds.Value, index_range)
-        found, = await self._library.uaclient.session.read(ua.ReadParameters(
-            TimestampsToReturn=ua.TimestampsToReturn.Source, NodesToRead=[wanted]))
-        return found
+        node = ua.ReadValueId(ua.NodeId.from_string(self._node(number)), ua.AttributeIds.Value, index_range)
+        value, = await self._library.uaclient.session.read(ua.ReadParameters(
+            TimestampsToReturn=ua.TimestampsToReturn.Source, NodesToRead=[node]))
+        return value
 
     def _content(self, data_value: ua.DataValue, what: str) -> bytes:
         """Return the bytes of a value."""
@@ -127,17 +127,17 @@ class OpcuaClient(RequestConnection):
         """Return the type of a block's variable; refuse where its server pays no heed to index ranges."""
 
         async def ask() -> ua.VariantType:
-            found = await self._value(number, "0")
-            if len(self._content(found, what)) != 1:
+            value = await self._value(number, "0")
+            if len(self._content(value, what)) != 1:
                 raise self._refused(what, "the server pays no heed to index ranges: it would write the whole block")
-            return found.Value.VariantType
+            return value.Value.VariantType
 
         if number not in self._ranges:
             self._ranges[number] = self._run(ask, f"reading byte 0 of {self._node(number)}")
         return self._ranges[number]
 
     def _run(self, ask: Callable[[], Awaitable[Answer]], what: str) -> Answer:
-        """Return what a request answers, in a channel that is young enough."""
+        """Return the answer to a request, in a channel that is young enough."""
 
         async def renewed() -> Answer:
             if time.monotonic() - self._open_since > _RENEWED * self._library.secure_channel_timeout / 1000.0:
@@ -167,9 +167,9 @@ class TagClient(OpcuaClient):
         tags = [tag for tag, place in TAGS.items() if place.part.start < start + count and place.part.stop > start]
 
         async def ask() -> bytes:
-            wanted = [ua.ReadValueId(self._tag(tag), ua.AttributeIds.Value) for tag in tags]
+            nodes = [ua.ReadValueId(self._tag(tag), ua.AttributeIds.Value) for tag in tags]
             values = await self._library.uaclient.session.read(ua.ReadParameters(
-                TimestampsToReturn=ua.TimestampsToReturn.Source, NodesToRead=wanted))
+                TimestampsToReturn=ua.TimestampsToReturn.Source, NodesToRead=nodes))
             cells = bytearray(max(place.part.stop for place in TAGS.values()) + 1)
             for tag, value in zip(tags, values, strict=True):
                 TAGS[tag].write(cells, self._number(value, tag))
@@ -184,8 +184,8 @@ class TagClient(OpcuaClient):
         if value.StatusCode.value != _GOOD:
             raise self._refused(what, f"{value.StatusCode.name}, {value.StatusCode.doc}")
         if value.Value is None or value.Value.VariantType != kind or value.Value.is_array:
-            found = "nothing" if value.Value is None else value.Value.VariantType.name
-            raise self._refused(what, f"it is {found}, not {kind.name}")
+            kind_name = "nothing" if value.Value is None else value.Value.VariantType.name
+            raise self._refused(what, f"it is {kind_name}, not {kind.name}")
         return value.Value.Value
 
     def write(self, number: int, start: int, content: bytes) -> None:
@@ -203,9 +203,9 @@ class TagClient(OpcuaClient):
         value = place.read(bytes(start) + content)
 
         async def ask() -> None:
-            wanted = ua.WriteValue(self._tag(tag), ua.AttributeIds.Value, None,
-                                   ua.DataValue(ua.Variant(value, _TAG_TYPES[place.format])))
-            await self._send(wanted, what)
+            write_value = ua.WriteValue(self._tag(tag), ua.AttributeIds.Value, None,
+                                        ua.DataValue(ua.Variant(value, _TAG_TYPES[place.format])))
+            await self._send(write_value, what)
 
         what = f"writing {instance_of(self._address.node)}.{tag}"
         self._run(ask, what)

@@ -70,10 +70,10 @@ class S7Client(RequestConnection):
 
         def ask() -> bool | None:
             try:
-                found = self._library.read_szl(_MODES, 0)
+                answer = self._library.read_szl(_MODES, 0)
             except (S7ProtocolError, RuntimeError) as problem:
                 raise self._refused(what, str(problem)) from None
-            record = bytes(found.Data[: found.Header.LengthDR])
+            record = bytes(answer.Data[: answer.Header.LengthDR])
             return _RUNS.get(record[_MODE_AT] & 0x0F) if len(record) > _MODE_AT else None
 
         if not self._tells_mode:
@@ -90,7 +90,7 @@ class S7Client(RequestConnection):
 
 
 def _why(problem: S7ProtocolError) -> str:
-    """Return what the PLC says, and what most often is behind it."""
+    """Return the PLC's message, and its most frequent cause."""
     return (f"{problem} (there is no such block, it is shorter, write-protected, or, in an S7-1200/1500, an optimized "
             f"block or PUT/GET not permitted: OPC UA needs neither)")
 

@@ -60,10 +60,10 @@ def _run_health(settings: argparse.Namespace) -> int:
                          ".parquet")
     table = page.with_suffix(".parquet")
     since = None if settings.since is None else last_table(table if settings.since == "last" else settings.since)
-    asked = HealthSettings(request=common.design_request(settings), read=common.reading(settings))
+    options = HealthSettings(request=common.design_request(settings), read=common.reading(settings))
     logs, loops, left_out = _logs(settings, page)
     document = health(
-        logs, asked, out=table, workers=workers(settings), loops=loops, since=since, resume=settings.resume,
+        logs, options, out=table, workers=workers(settings), loops=loops, since=since, resume=settings.resume,
         progress=Bar(settings, "loops")) | {"page": str(page)}
     document["left_out"] += left_out
     write_files(page.parent, {page.name: report.loops_page(document)})
@@ -96,10 +96,10 @@ def _logs(settings: argparse.Namespace, page: Path) -> tuple[str | Path, Any, li
     for text in addresses:
         tell_unended(address_of(text))
     folder = page.with_name(f"{page.stem}_logs") / f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}"
-    with end_requests() as asked:
+    with end_requests() as requests:
         loops, left_out = record_addresses(
             addresses, folder, RecordingSetup(for_s=settings.for_s, every_s=settings.interval), loops=settings.loops,
-            ended=lambda: bool(asked), shown=lambda rows: None if settings.quiet else LINE.show(
+            ended=lambda: bool(requests), shown=lambda rows: None if settings.quiet else LINE.show(
                 lambda: f"{len(addresses)} loops, {rows} rows; Ctrl-C ends it"))
     LINE.end()
     return folder, loops, left_out

@@ -90,8 +90,8 @@ def zones_of(design: str | None, address: Address, numbers: str | None) -> Zones
     except ValueError:
         raise InputError(f"--zone-blocks {numbers}: expected whole numbers with commas between them, such as "
                          "100,110") from None
-    found: ZonesPlaces = import_module("heatertune.live.joint.zone_blocks").zones_places(design, address, blocks)
-    return found
+    places: ZonesPlaces = import_module("heatertune.live.joint.zone_blocks").zones_places(design, address, blocks)
+    return places
 
 
 def _run_record(settings: argparse.Namespace) -> int:
@@ -100,17 +100,17 @@ def _run_record(settings: argparse.Namespace) -> int:
     address = address_of(settings.address)
     how = RecordingSetup(every_s=settings.interval, for_s=settings.for_s, append=settings.append or settings.service,
                          timeout_s=settings.timeout, pwm_period_s=_pwm_period_s(settings.design))
-    places, begun = _places(settings, address), time.monotonic()
+    places, start_s = _places(settings, address), time.monotonic()
     tell_unended(address)
     shown_notes: list[str] = []
     signals = [name for name in _ENDING if not (settings.service and name == "SIGHUP")]
-    with end_requests(signals) as asked, end_requests(("SIGHUP",) if settings.service else ()) as hang_ups:
+    with end_requests(signals) as requests, end_requests(("SIGHUP",) if settings.service else ()) as hang_ups:
         def shown(so_far: RecordingState) -> None:
             show_notes(so_far, shown_notes)
             if not settings.quiet:
-                LINE.show(lambda: f"{live_line(so_far, time.monotonic() - begun)}; Ctrl-C ends it")
+                LINE.show(lambda: f"{live_line(so_far, time.monotonic() - start_s)}; Ctrl-C ends it")
 
-        so_far = record(address, settings.out, places, how, shown=shown, ended=lambda: bool(asked),
+        so_far = record(address, settings.out, places, how, shown=shown, ended=lambda: bool(requests),
                         reopen=lambda: hang_ups.pop() > 0 if hang_ups else False)
     LINE.end()
     document = _document(settings, so_far) | {"zones": list(getattr(places, "zones", ())) or None}
@@ -179,17 +179,17 @@ def end_requests(signals: Sequence[str] = _ENDING) -> Iterator[list[int]]:
     Args:
         signals: names of those that ask for it; a system does not have them all.
     """
-    asked: list[int] = []
+    requests: list[int] = []
     before: dict[int, Any] = {}
     for name in signals:
         number = getattr(signal, name, None)
         if number is not None and (name in ("SIGINT", "SIGTERM") or signal.getsignal(number) is not signal.SIG_IGN):
-            before[number] = signal.signal(number, lambda number, _: asked.append(number))
+            before[number] = signal.signal(number, lambda number, _: requests.append(number))
     if signals is ALL_SIGNALS:
         before |= {number: signal.signal(number, signal.SIG_IGN) for name in _IGNORED
                    if (number := getattr(signal, name, None)) is not None}
     try:
-        yield asked
+        yield requests
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
@@ -216,7 +216,7 @@ def signals_as_ctrl_c() -> Iterator[None]:
 
 
 def live_line(so_far: RecordingState, wall_s: float, hand: str = "") -> str:
-    """Return what is recorded just now, on one line of a terminal.
+    """Return the current readings, on one line of a terminal.
 
     Args:
         so_far: recorded.
@@ -227,11 +227,11 @@ def live_line(so_far: RecordingState, wall_s: float, hand: str = "") -> str:
         return f"{so_far.rows} rows; no answer, trying again: {so_far.trouble}"[:60]
     if so_far.last is None:
         return f"waiting for the first scan, {wall_s:.0f} s"
-    seen = so_far.last.signals
-    warm = [f"{degC:.2f}" for key, degC in seen.items() if key.endswith("temperature")]
+    signals = so_far.last.signals
+    warm = [f"{degC:.2f}" for key, degC in signals.items() if key.endswith("temperature")]
     parts = [f"{so_far.last.time_s:.0f} s", f"{' '.join(warm)} °C"]
-    parts += [f"{seen['power']:.1f} %"] if "power" in seen else []
-    parts += [hand] if hand else [f"setpoint {seen['setpoint']:.1f} °C"] if "setpoint" in seen else []
+    parts += [f"{signals['power']:.1f} %"] if "power" in signals else []
+    parts += [hand] if hand else [f"setpoint {signals['setpoint']:.1f} °C"] if "setpoint" in signals else []
     return f"{so_far.rows} rows: {', '.join(parts)}"[:60]
 
 
@@ -304,27 +304,27 @@ def _run_watch(settings: argparse.Namespace) -> int:
     if places is None:
         raise InputError(f"{settings.design}: where {proven.words.target} shows its temperature is not known here")
     log = Path(settings.out or Path(settings.design) / f"watch_{datetime.now(UTC):%Y%m%d_%H%M%S}.csv")
-    beside, monitored = BandWatch(proven), _monitored(settings.monitor, proven)
+    band_watch, monitored = BandWatch(proven), _monitored(settings.monitor, proven)
     others, unknown = others_there(proven, address)
     unended = Hold(address).message()
-    with end_requests() as asked:
+    with end_requests() as requests:
         so_far = record(address, log, places, RecordingSetup(
             every_s=None if monitored is None else min(1.0, 0.5 * monitored.view.scan_s), for_s=settings.for_s,
             append=settings.append, pwm_period_s=proven.view.actuator.pwm_period_s),
-            shown=_shown(settings, beside, monitored), ended=lambda: bool(asked))
+            shown=_shown(settings, band_watch, monitored), ended=lambda: bool(requests))
     LINE.end()
     if not others:  # somebody may have written some meanwhile
         others, unknown = others_there(proven, address)
-    unmoved = unmoved_note(beside.seen, beside.window_s, so_far)
-    well = beside.seen.well and not unmoved
+    unmoved = unmoved_note(band_watch.seen, band_watch.window_s, so_far)
+    well = band_watch.seen.well and not unmoved
     unended = unended or Hold(address).message()  # one may have begun meanwhile
     well = well and not others and (monitored is None or not monitored.messages()) and not so_far.trouble
     well = well and not unended
-    seen = beside.seen.to_document()
-    seen["messages"] = [*(line for line in (unended, others, unmoved) if line), *seen["messages"]]
+    content = band_watch.seen.to_document()
+    content["messages"] = [*(line for line in (unended, others, unmoved) if line), *content["messages"]]
     document = {"schema": "heatertune/watch/2", "address": address.text, "log": str(log), "rows": so_far.rows,
                 "gaps": so_far.gaps, "lost": so_far.trouble or None, "well": well,
-                "words_not_compared": unknown or None, **seen,
+                "words_not_compared": unknown or None, **content,
                 "monitor": None if monitored is None else monitored.to_document(),
                 "refit": _refitted(log, proven) if settings.refit else None}
     printing.output(settings, document, lambda: _lines_watch(document))
@@ -374,7 +374,7 @@ def _monitored(path: str | None, proven: ProvenWords) -> OnlineMonitor | None:
 def _shown(
     settings: argparse.Namespace, watch: BandWatch, monitored: OnlineMonitor | None
 ) -> Callable[[RecordingState], object]:
-    begun, last = time.monotonic(), [0]
+    start_s, last = time.monotonic(), [0]
     shown_notes: list[str] = []
 
     def shown(so_far: RecordingState) -> None:
@@ -385,11 +385,11 @@ def _shown(
             if monitored is not None:
                 monitored.see(so_far.last)
         if not settings.quiet:
-            seen = watch.seen
-            band = "" if seen.band is None else f"; proven {seen.band[0]:.4g}…{seen.band[1]:.4g} °C"
-            told = (*seen.notes(), *(() if monitored is None else monitored.messages()))
-            found = f" NOT WELL: {told[-1]}" if told else ""
-            LINE.show(lambda: f"{live_line(so_far, time.monotonic() - begun)}{band}{found}"[:118])
+            figures = watch.seen
+            band = "" if figures.band is None else f"; proven {figures.band[0]:.4g}…{figures.band[1]:.4g} °C"
+            messages = (*figures.notes(), *(() if monitored is None else monitored.messages()))
+            alarm = f" NOT WELL: {messages[-1]}" if messages else ""
+            LINE.show(lambda: f"{live_line(so_far, time.monotonic() - start_s)}{band}{alarm}"[:118])
 
     return shown
 
@@ -400,15 +400,15 @@ def _refitted(log: Path, proven: ProvenWords) -> dict[str, Any]:
         fitted = chain.fit(log)
     except HeatertuneError as problem:
         return {"message": f"the log does not tell the heater: {problem}"}
-    found = {}
+    table = {}
     for name in ("gain_degC_per_pct", "time_constant_s", "dead_time_s", "ambient_degC"):
         now, interval = getattr(fitted.model, name), fitted.ci95.get(name)
         was = getattr(proven.fitted_model.model, name)
         apart = interval is not None and (
             (interval.low is not None and was < interval.low) or (interval.high is not None and was > interval.high))
-        found[name] = {"was": was, "now": now, "low": interval and interval.low, "high": interval and interval.high,
+        table[name] = {"was": was, "now": now, "low": interval and interval.low, "high": interval and interval.high,
                        "moved": apart}
-    return {"message": fitted.outcome_text, "parameters": found}
+    return {"message": fitted.outcome_text, "parameters": table}
 
 
 def _lines_watch(document: Mapping[str, Any]) -> str:

@@ -79,12 +79,12 @@ def _run_experiment(settings: argparse.Namespace) -> int:
                        reach=_reach(settings.design), in_manual=settings.in_manual)
     blind = () if whole.reach is not None else (
         f"no heater in {settings.design}: neither a frozen sensor nor a rise that no heater makes is noticed",)
-    found = (*whole.check(), *blind)
-    _agree(settings, whole, found)
-    with end_requests(ALL_SIGNALS) as asked:
+    checks = (*whole.check(), *blind)
+    _agree(settings, whole, checks)
+    with end_requests(ALL_SIGNALS) as requests:
         ended = whole.run(settings.out, aims, ExperimentObserver(
-            on_row=_shown(settings, whole), key=lambda: bool(asked), fit=_fit if aims.shares else None,
-            progress=_to_terminal, enough=lambda: asked.count(signal.SIGINT) > 1))
+            on_row=_shown(settings, whole), key=lambda: bool(requests), fit=_fit if aims.shares else None,
+            progress=_to_terminal, enough=lambda: requests.count(signal.SIGINT) > 1))
     LINE.end()
     document = _document(settings, ended)
     printing.output(settings, document, lambda: _lines(document))
@@ -110,7 +110,7 @@ def _limit_degC(settings: argparse.Namespace) -> float:
 
 
 def _reach(folder: str) -> Reach | None:
-    """Return what the plausible heaters of a folder's design reach, None where it holds no model."""
+    """Return the reach of the plausible heaters of a folder's design, None where it holds no model."""
     from heatertune.live.serve import read_folder
     from heatertune.live.write.band import Reach
 
@@ -154,7 +154,7 @@ def _agree(settings: argparse.Namespace, whole: Experiment, differences: tuple[s
 
 
 def _shown(settings: argparse.Namespace, whole: Experiment) -> Callable[[RecordingState, str], object]:
-    begun = time.monotonic()
+    start_s = time.monotonic()
     first: list[float] = []
 
     def shown(so_far: RecordingState, hand: str) -> None:
@@ -163,7 +163,7 @@ def _shown(settings: argparse.Namespace, whole: Experiment) -> Callable[[Recordi
         if so_far.last is not None and not first:
             first.append(so_far.last.time_s)
         left = whole.plan.ends_s - (so_far.last.time_s - first[0]) if so_far.last is not None else whole.plan.ends_s
-        LINE.show(lambda: f"{live_line(so_far, time.monotonic() - begun, hand)}; {left:.0f} s left")
+        LINE.show(lambda: f"{live_line(so_far, time.monotonic() - start_s, hand)}; {left:.0f} s left")
 
     return shown
 
@@ -180,10 +180,10 @@ def _to_terminal(message: str) -> None:
 def _restored(settings: argparse.Namespace) -> int:
     from heatertune.live.experiment import restore
 
-    given = [each for each in (settings.plan, settings.address) if each is not None]
-    if len(given) != 1:
+    sources = [each for each in (settings.plan, settings.address) if each is not None]
+    if len(sources) != 1:
         raise InputError("experiment --restore needs ADDRESS, and no PLAN")
-    address = address_of(given[0])
+    address = address_of(sources[0])
     restored = restore(address, progress=tell)
     document = {"schema": "heatertune/experiment/2", "address": address.text, "restored": restored}
     printing.output(settings, document, lambda: f"{address.text}: {_of_restored(restored, address.text)}")
@@ -191,7 +191,7 @@ def _restored(settings: argparse.Namespace) -> int:
 
 
 def _of_restored(restored: bool | None, address: str, power_pct: float | None = None) -> str:
-    """Return what stands in the PLC, as far as that is known."""
+    """Return the content of the PLC, as far as it is known."""
     if restored is None:
         power = "" if power_pct is None else f" at {power_pct:g} %"
         return (f"UNKNOWN what stands there: no answer. The controller may be in manual{power}. Look at it; and once "

@@ -84,9 +84,9 @@ def _run_simulate(settings: argparse.Namespace) -> int:
             printing.output(settings, document, lambda: _lines(document))
             sys.stdout.flush()
             served.wait()
-        told = served.status
+        status = served.status
     if not settings.quiet:
-        print(f"ended after {told.intervals} scans: {told.temperature_degC:.2f} °C, {told.power_pct:.1f} % power",
+        print(f"ended after {status.intervals} scans: {status.temperature_degC:.2f} °C, {status.power_pct:.1f} % power",
               file=sys.stderr)
     return 0
 

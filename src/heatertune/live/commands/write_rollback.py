@@ -49,15 +49,15 @@ def add_write(commands: Any) -> None:
     command.add_argument("address", metavar="ADDRESS", help="s7://HOST:PORT/RACK/SLOT/dbN, "
                          "modbus://HOST:PORT/UNIT/REGISTER or opc.tcp://HOST:PORT/ns=3;s=NAME")
     add_guard(command, "the proof, to confirm it")
-    said = command.add_argument_group("what the block does not contain")
-    said.add_argument("--called-every", type=float, metavar="S", help="interval TA at which the PLC calls it [s]")
-    options.add(said, SensorSettings, "range_degC", default=argparse.SUPPRESS,
+    group = command.add_argument_group("what the block does not contain")
+    group.add_argument("--called-every", type=float, metavar="S", help="interval TA at which the PLC calls it [s]")
+    options.add(group, SensorSettings, "range_degC", default=argparse.SUPPRESS,
                 help="sensor range at the lowest and highest reading [°C]")
-    said.add_argument("--as-exported", action="store_true",
-                      help="it runs the program exported with the parameters: ramp, boost, input module")
-    said.add_argument("--in-manual", action="store_true",
-                      help="the controller is in manual and stays there: parameters are written in any order, without "
-                           "watching")
+    group.add_argument("--as-exported", action="store_true",
+                       help="it runs the program exported with the parameters: ramp, boost, input module")
+    group.add_argument("--in-manual", action="store_true",
+                       help="the controller is in manual and stays there: parameters are written in any order, without "
+                            "watching")
     add_zone_blocks(command)
     command.add_argument("--no-watch", action="store_true", help="do not watch the response")
     command.add_argument("--record", metavar="FILE", help="the record (default: DIR/write_TIME.jsonl)")
@@ -98,39 +98,39 @@ def _run_write(settings: argparse.Namespace) -> int:
     from heatertune.live.write.proven_words import Declared, read_proven
 
     sensor = options.provided_options(SensorSettings, settings)
-    said = Declared(called_every_s=settings.called_every, range_degC=sensor.get("range_degC"),
+    terms = Declared(called_every_s=settings.called_every, range_degC=sensor.get("range_degC"),
                 as_exported=settings.as_exported, in_manual=settings.in_manual)
     address, link = address_of(settings.address), link_of(settings)
     if holds_zones(settings.directory):
-        return int(import_module("heatertune.live.commands.zone_commands").write(settings, address, link, said))
+        return int(import_module("heatertune.live.commands.zone_commands").write(settings, address, link, terms))
     zones_of(settings.directory, address, settings.zone_blocks)  # refuses the option
     progress = printing.Progress(settings)
-    wanted = WriteRequest(proven_words=read_proven(settings.directory, progress), address=address, declared=said,
-                          link=link, most_writes=settings.max_writes, watch=not settings.no_watch,
-                          record=None if settings.record is None else Path(settings.record))
+    request = WriteRequest(proven_words=read_proven(settings.directory, progress), address=address, declared=terms,
+                           link=link, most_writes=settings.max_writes, watch=not settings.no_watch,
+                           record=None if settings.record is None else Path(settings.record))
     document = {"schema": PLAN_SCHEMA, "directory": settings.directory, "address": address.text,
-                "digest": wanted.proven_words.view.digest, "yes": wanted.proven_words.yes, "applied": settings.apply}
+                "digest": request.proven_words.view.digest, "yes": request.proven_words.yes, "applied": settings.apply}
     if settings.apply:
         with signals_as_ctrl_c():
-            done = apply_write(wanted, settings.confirm, progress)
+            done = apply_write(request, settings.confirm, progress)
         document |= done.to_document()
         printing.output(settings, document, lambda: "\n".join(_of_applied(done)))
         return 0 if done.end.is_done else 1
-    with peer_of(wanted) as peer:
+    with peer_of(request) as peer:
         try:
-            plan = plan_write(wanted, peer)
+            plan = plan_write(request, peer)
         except LinkError as problem:
             return not_read(settings, document, problem)
     unended = Hold(address).message()
     printing.output(settings, document | plan.to_document() | {"unended": unended or None},
-                    lambda: "\n".join(_of_plan(settings, wanted, plan, unended)))
+                    lambda: "\n".join(_of_plan(settings, request, plan, unended)))
     return 0
 
 
 def not_read(settings: argparse.Namespace, document: dict[str, Any], problem: LinkError) -> int:
     """Tell that the PLC could not be read, and return the exit status."""
-    told = {"outcome": "not done", "told": f"nothing was sent: {problem}", "stands": None}
-    printing.output(settings, document | told, lambda: f"NOT DONE: {told['told']}")
+    outcome = {"outcome": "not done", "told": f"nothing was sent: {problem}", "stands": None}
+    printing.output(settings, document | outcome, lambda: f"NOT DONE: {outcome['told']}")
     return 1
 
 
@@ -150,8 +150,8 @@ def _of_plan(settings: argparse.Namespace, wanted: WriteRequest, plan: WritePlan
     if unended:
         yield f"- {unended}"  # not wrapped: it ends in a command line
     if all(check.ok is not False for check in plan.checks) and plan.parts and not plan.no_order:
-        said = [check.option for check in plan.checks if check.ok is None and check.option]
-        again = shlex.join([*settings.given, *" ".join(said).split(), "--apply", "--confirm", wanted.proven_words.yes])
+        hints = [check.option for check in plan.checks if check.ok is None and check.option]
+        again = shlex.join([*settings.given, *" ".join(hints).split(), "--apply", "--confirm", wanted.proven_words.yes])
         yield f"to write:\n  heatertune {again}"  # not wrapped: it is typed
 
 
@@ -167,8 +167,8 @@ def _of_block(difference: Mapping[str, Any]) -> dict[str, Any]:
 
 def _of_applied(done: WriteResult) -> Iterator[str]:
 
-    for told in done.earlier:
-        yield from wrap_text(told, "- ")
+    for note in done.earlier:
+        yield from wrap_text(note, "- ")
     yield from ended_lines(done.end)
     if done.record is not None:
         yield f"record {done.record}; back again: heatertune rollback {shlex.quote(str(done.record))}"

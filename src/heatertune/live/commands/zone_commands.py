@@ -51,17 +51,17 @@ def write(settings: argparse.Namespace, address: Address, link: LinkSettings, de
     progress = printing.Progress(settings)
     places = zones_of(settings.directory, address, settings.zone_blocks)
     assert places is not None
-    wanted = ZonesWriteRequest(
+    demand = ZonesWriteRequest(
         proven=read_proven_zones(settings.directory, progress), address=places.addresses[0],
         numbers=tuple(each.block or 0 for each in places.addresses), declared=declared, link=link,
         most_writes=settings.max_writes, watch=not settings.no_watch,
         record=None if settings.record is None else Path(settings.record))
     document = {"schema": PLAN_SCHEMA, "directory": settings.directory, "address": address.text,
-                "digest": f"sha256:{wanted.proven.design.digest}", "yes": wanted.proven.yes, "applied": settings.apply}
+                "digest": f"sha256:{demand.proven.design.digest}", "yes": demand.proven.yes, "applied": settings.apply}
     if not settings.apply:
-        return _show_plan(settings, wanted, document)
+        return _show_plan(settings, demand, document)
     with signals_as_ctrl_c():
-        done = apply_zones(wanted, settings.confirm, progress)
+        done = apply_zones(demand, settings.confirm, progress)
     printing.output(settings, document | done.to_document(), lambda: "\n".join(_of_applied(done)))
     return 0 if done.is_done else 1
 
@@ -109,13 +109,13 @@ def _mark(check: Check) -> str:
 
 def _further(settings: argparse.Namespace, wanted: ZonesWriteRequest, plan: ZonesPlan) -> Iterator[str]:
     """Yield the command line that writes, where nothing speaks against it."""
-    found = [check for each in plan.zones for check in each.checks]
-    if plan.no_order or any(check.ok is False for check in found):
+    checks = [check for each in plan.zones for check in each.checks]
+    if plan.no_order or any(check.ok is False for check in checks):
         return
     if not plan.order:
         yield "these words are in the PLC already"
         return
-    stated = " ".join(dict.fromkeys(check.option for check in found if check.ok is None))
+    stated = " ".join(dict.fromkeys(check.option for check in checks if check.ok is None))
     again = shlex.join([*settings.given, *stated.split(), "--apply", "--confirm", wanted.proven.yes])
     yield f"to write:\n  heatertune {again}"  # not wrapped: it is typed
 
@@ -159,27 +159,27 @@ def watch(settings: argparse.Namespace, address: Address) -> int:
     places = zones_of(settings.design, address, settings.zone_blocks)
     assert places is not None
     log = Path(settings.out or Path(settings.design) / f"watch_{datetime.now(UTC):%Y%m%d_%H%M%S}.csv")
-    found, unended = ZonesWatch(proven), Hold(address).message()
+    zones_watch, unended = ZonesWatch(proven), Hold(address).message()
     others = _others(proven, places.addresses)
-    with end_requests() as asked:
+    with end_requests() as requests:
         so_far = record(address, log, places, RecordingSetup(
             for_s=settings.for_s, append=settings.append, pwm_period_s=proven.design.pwm_period_s),
-            shown=_shown(settings, found), ended=lambda: bool(asked))
+            shown=_shown(settings, zones_watch), ended=lambda: bool(requests))
     LINE.end()
     messages = list(filter(None, (  # somebody may have written some meanwhile
-        unended or Hold(address).message(), unmoved_note(found.zones[0], found.settle_s, so_far),
+        unended or Hold(address).message(), unmoved_note(zones_watch.zones[0], zones_watch.settle_s, so_far),
         *(others or _others(proven, places.addresses)))))
-    well = found.well and not messages and not so_far.trouble
+    well = zones_watch.well and not messages and not so_far.trouble
     document = {"schema": "heatertune/zones-watch/1", "address": address.text, "log": str(log), "rows": so_far.rows,
                 "gaps": so_far.gaps, "lost": so_far.trouble or None, "well": well, "messages": messages,
-                "zones": [each.to_document() for each in found.zones]}
-    printing.output(settings, document, lambda: "\n".join(_of_watch(document, found, messages)))
+                "zones": [each.to_document() for each in zones_watch.zones]}
+    printing.output(settings, document, lambda: "\n".join(_of_watch(document, zones_watch, messages)))
     return 0 if well else 1
 
 
 def _shown(settings: argparse.Namespace, watched: ZonesWatch) -> Callable[[RecordingState], object]:
     """Return what takes each row, and shows all zones on the terminal's line."""
-    begun, last, shown_notes = time.monotonic(), [0], list[str]()
+    start_s, last, shown_notes = time.monotonic(), [0], list[str]()
 
     def shown(so_far: RecordingState) -> None:
         show_notes(so_far, shown_notes)
@@ -187,7 +187,7 @@ def _shown(settings: argparse.Namespace, watched: ZonesWatch) -> Callable[[Recor
             last[0] = so_far.rows
             watched.see(so_far.last)
         if not settings.quiet:
-            LINE.show(lambda: f"{so_far.rows} rows, {time.monotonic() - begun:.0f} s{watched.short()}"[:118])
+            LINE.show(lambda: f"{so_far.rows} rows, {time.monotonic() - start_s:.0f} s{watched.short()}"[:118])
 
     return shown
 
@@ -204,11 +204,11 @@ def _of_watch(document: Mapping[str, object], watched: ZonesWatch, messages: Seq
 
 def _others(proven: ProvenZones, addresses: tuple[Address, ...]) -> list[str]:
     """Return for each zone which words in the PLC are not the proven ones, or why they could not be compared."""
-    wanted = ZonesWriteRequest(
+    request = ZonesWriteRequest(
         proven=proven, address=addresses[0], numbers=tuple(each.block or 0 for each in addresses),
         link=LinkSettings(tries=1))
     lines = []
-    for zone, peer in zip(proven.design.zones, peers_of(wanted), strict=True):
+    for zone, peer in zip(proven.design.zones, peers_of(request), strict=True):
         with peer:
             lines.append(_other_words(proven, zone, peer))
     return [line for line in lines if line]

@@ -204,8 +204,8 @@ class VirtualZones(VirtualPlc):
         scans = sys.maxsize - 1 if self._pace.intervals is None else self._pace.intervals
         out = JointArrays(*(_Latest(len(words), scans) for _ in JointArrays._fields))
         states = nested_pairs([part.block.begin() for part in self.parts])
-        events, asked = self._events(), [plan.loop.setpoints[0] for plan in plans]
-        setpoints = ZoneWords(list(asked), [asked[event.zone] for event in events], list(asked), [0] * len(asked),
+        events, degC = self._events(), [plan.loop.setpoints[0] for plan in plans]
+        setpoints = ZoneWords(list(degC), [degC[event.zone] for event in events], list(degC), [0] * len(degC),
                               ramp_program(plans[0].loop))
         core = served_core(plans[0].loop.core)
         try:
@@ -216,7 +216,7 @@ class VirtualZones(VirtualPlc):
             self.end_scan()
 
     def _events(self) -> list[ZoneEvent]:
-        """Return what happens to the zones and their heaters, in order of time."""
+        """Return the events of the zones and their heaters, in order of time."""
         events = [event for zone, setpoint in enumerate(self._design.specification.setpoints_degC) for event in (
             ZoneEvent(0.0, "setpoint", zone, setpoint), ZoneEvent(0.0, "on", zone))]
         gains = self._design.fitted.network.gains_degC_per_pct
@@ -270,13 +270,13 @@ class ZonesServed(VirtualPlcServed):
 
     def zone_places(self) -> list[dict[str, object]]:
         """Return name, number of the data block and addresses (protocol → address) of each zone."""
-        found = []
+        places = []
         for number, name in enumerate(self.zones):
             urls = {protocol: f"s7://{host}:{port}/0/2/db{self.numbers[number]}" if protocol == "s7" else
                     f"modbus://{host}:{port}/1/{self.first_registers[number]}"
                     for protocol, (host, port) in self.addresses.items()}
-            found.append({"name": name, "block": self.numbers[number], "urls": urls})
-        return found
+            places.append({"name": name, "block": self.numbers[number], "urls": urls})
+        return places
 
 
 def virtual_zones(
@@ -294,26 +294,26 @@ def virtual_zones(
         DocumentError: as `read_zones_design`.
     """
     design = source if isinstance(source, ZonesDesign) else read_zones_design(source)
-    given = settings or Simulation()
+    options = settings or Simulation()
     blocks = demand_served(design.words)
-    given = reaching_settings(blocks[0], design.words[0].target, _of_zones(given, blocks[0]))
-    for protocol in given.serve:
+    options = reaching_settings(blocks[0], design.words[0].target, _of_zones(options, blocks[0]))
+    for protocol in options.serve:
         demand_library(protocol)
-    timetable = _timetable(design, given.faults)
+    timetable = _timetable(design, options.faults)
     _demand_words(blocks, timetable)
     plans = [_plan(design, zone, timetable[zone]) for zone in range(len(design.zones))]
     noise = design.conditions.noise_degC if noise_degC is None else noise_degC
-    plc = VirtualZones(design, plans, blocks, pace_of(given), noise)
-    if "modbus" in given.serve:
+    plc = VirtualZones(design, plans, blocks, pace_of(options), noise)
+    if "modbus" in options.serve:
         plc.speak_modbus(blocks)
-    return ZonesServed(design, plc, given, linked=any(map(is_of_link, timetable[0])))
+    return ZonesServed(design, plc, options, linked=any(map(is_of_link, timetable[0])))
 
 
 def _of_zones(settings: Simulation, block: ServedBlock) -> Simulation:
     """Return settings with a protocol that reaches zones; raise InputError for what zones are not simulated with."""
-    for wanted, flag in ((settings.sample is not None, "--sample"), (settings.story, "--story"),
+    for is_set, flag in ((settings.sample is not None, "--sample"), (settings.story, "--story"),
                          (settings.dead_man > 0, "--dead-man")):
-        if wanted:
+        if is_set:
             raise InputError(f"{flag}: not for zones; leave it out")
     for protocol in settings.serve:
         if protocol not in SPOKEN:
@@ -353,11 +353,11 @@ def _timetable(design: ZonesDesign, texts: Sequence[str]) -> list[tuple[Schedule
         InputError: a fault without its zone, one of CPU or link with a zone, or one that the network does not have.
         UnknownName: no such zone or fault.
     """
-    found: list[list[ScheduledFault]] = [[] for _ in design.zones]
+    faults_by_zone: list[list[ScheduledFault]] = [[] for _ in design.zones]
     for text in texts:
         zone, fault = _zone_fault(design, text)
-        found[zone].append(fault)
-    return [tuple(each) for each in found]
+        faults_by_zone[zone].append(fault)
+    return [tuple(each) for each in faults_by_zone]
 
 
 def _zone_fault(design: ZonesDesign, text: str) -> tuple[int, ScheduledFault]:

@@ -139,12 +139,12 @@ def zones_places(
         InputError: as `demand_served` and `zone_addresses`; a zone whose name no column can bear.
         DocumentError: as `read_zones_design`.
     """
-    known = design if isinstance(design, ZonesDesign) else read_zones_design(design)
-    for zone in known.zones:
+    zones_design = design if isinstance(design, ZonesDesign) else read_zones_design(design)
+    for zone in zones_design.zones:
         if (sign := _NO_COLUMN.search(zone)) is not None:
             raise InputError(f"zone {zone!r}: a name with {sign[0]!r} cannot head a column of a log")
-    blocks = demand_served(known.words)
-    return ZonesPlaces(zones=known.zones, addresses=tuple(zone_addresses(address, blocks, numbers)),
+    blocks = demand_served(zones_design.words)
+    return ZonesPlaces(zones=zones_design.zones, addresses=tuple(zone_addresses(address, blocks, numbers)),
                        blocks=tuple(blocks))
 
 
@@ -170,13 +170,13 @@ class ZonesPoller(Poller):
 
     def read_signals(self, client: Client, number: int) -> tuple[dict[str, float], bytes]:
         """Return the quantities of all zones as they are now, and the bytes that were read; errors as `Client.read`."""
-        found, contents = dict[str, float](), b""
+        signals, contents = dict[str, float](), b""
         begin, count = self._places.span
         for zone, address, block in zip(self._zones.zones, self._zones.addresses, self._zones.blocks, strict=True):
             is_block = address.protocol == "s7"
             shift = 0 if is_block else 2 * ((address.block or 0) - (self._zones.addresses[0].block or 0))
             content = client.read((address.block or 0) if is_block else number, begin + shift, count)
-            found |= {f"{zone} {role}": block.signals[role].of(content, begin)
-                      for role in ROLES if role in block.signals}
+            signals |= {f"{zone} {role}": block.signals[role].of(content, begin)
+                        for role in ROLES if role in block.signals}
             contents += content
-        return found, contents
+        return signals, contents

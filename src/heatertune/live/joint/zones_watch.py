@@ -74,8 +74,8 @@ class ProvenZones:
             InputError: it is not.
         """
         if typed is None or len(typed) < LEAST_YES or not self.design.digest.startswith(typed.lower()):
-            found = "it was not said" if typed is None else f"found {typed!r}"
-            raise InputError(f"--confirm: {found}; expected the first digits of the digest of the proof that you have "
+            entry = "it was not said" if typed is None else f"found {typed!r}"
+            raise InputError(f"--confirm: {entry}; expected the first digits of the digest of the proof that you have "
                              f"read, as {self.yes}")
 
     @property
@@ -194,9 +194,9 @@ class _ZoneSensor:
             temperatures_degC: of all zones [°C].
             power_pct: of the zone; no number: not known [%].
         """
-        found = [still.see(time_s, temperatures_degC[self._zone], power_pct + network.neighbours_pct(
+        messages = [still.see(time_s, temperatures_degC[self._zone], power_pct + network.neighbours_pct(
             self._zone, temperatures_degC)) for network, still in zip(self._networks, self._still, strict=True)]
-        return found[0] if all(found) else ""
+        return messages[0] if all(messages) else ""
 
     def rise(self, time_s: float, degC: float) -> str:
         """Return why a temperature rises too fast, see `RiseWatch`."""
@@ -243,23 +243,23 @@ class ZonesWatch:
 
     def see(self, look: Snapshot) -> str:
         """Take a look; return why a zone is outside its limits for several readings; empty where none is."""
-        seen = [look.signals[f"{each.zone} temperature"] for each in self.zones]
-        asked = [look.signals[f"{each.zone} setpoint"] for each in self.zones]
+        readings = [look.signals[f"{each.zone} temperature"] for each in self.zones]
+        setpoints = [look.signals[f"{each.zone} setpoint"] for each in self.zones]
         powers = [look.signals.get(f"{each.zone} power", math.nan) for each in self.zones]
         still_s, self.seconds = self._still_time.see(look)
         for each in self.zones:
             each.still_s, each.seconds = still_s, self.seconds
         usable = [self._is_usable(zone, degC, setpoint) for zone, (degC, setpoint) in enumerate(
-            zip(seen, asked, strict=True))]
+            zip(readings, setpoints, strict=True))]
         if all(usable):
-            self._note_change(look, seen, asked)
-            self._note_sensors(look.time_s, seen, powers)
+            self._note_change(look, readings, setpoints)
+            self._note_sensors(look.time_s, readings, powers)
         if not self._asked:
             return self._unusable_reason()
-        found = [self._compare(zone, stats, look.time_s, seen[zone], powers[zone])
-                 for zone, stats in enumerate(self.zones) if usable[zone]]
+        messages = [self._compare(zone, stats, look.time_s, readings[zone], powers[zone])
+                    for zone, stats in enumerate(self.zones) if usable[zone]]
         alarms = (f"zone {each.zone}: {each.alarm or each.frozen}" for each in self.zones if each.alarm or each.frozen)
-        return next(filter(None, found), next(alarms, self._unusable_reason()))
+        return next(filter(None, messages), next(alarms, self._unusable_reason()))
 
     def _note_sensors(self, time_s: float, temperatures_degC: Sequence[float], powers_pct: Sequence[float]) -> None:
         """Take note of sensors that are frozen, and of temperatures that are too high or rise too fast."""

@@ -155,11 +155,11 @@ def _zone_plan(wanted: ZonesWriteRequest, zone: int, peer: Peer) -> ZonePlan:
     proven, there = wanted.proven.parts[zone], peer.standing
     first = peer.look()
     looks = first, peer.later(first, _SCANS)
-    look, found = looks[1], checks(proven, there, looks, wanted.declared)
-    kept = there.block.operators if wanted.declared.in_manual else ()
-    after = {**look.values, **{name: proven.words.values[name] for name in there.own if name not in kept}}
-    parts = there.parts(look.content, after) if found[0].ok is True else []
-    return ZonePlan(zone=wanted.proven.design.zones[zone], look=look, checks=found, before=look.values, after=after,
+    look, results = looks[1], checks(proven, there, looks, wanted.declared)
+    operator_words = there.block.operators if wanted.declared.in_manual else ()
+    after = {**look.values, **{name: proven.words.values[name] for name in there.own if name not in operator_words}}
+    parts = there.parts(look.content, after) if results[0].ok is True else []
+    return ZonePlan(zone=wanted.proven.design.zones[zone], look=look, checks=results, before=look.values, after=after,
                     parts=parts)
 
 
@@ -182,17 +182,17 @@ def _ordered(wanted: ZonesWriteRequest, plans: tuple[ZonePlan, ...]) -> tuple[tu
     names = [f"zone {plan.zone}" for plan in plans]
     order = tuple(whole.start for whole in in_order(
         wholes, dict.fromkeys(names, 0), dict.fromkeys(names, 1), with_zones))
-    found = list(plans)
+    zone_plans = list(plans)
     for zone in order:
         def with_words(values: Mapping[str, Number], zone: int = zone) -> str:
             return open_in_between([*done[:zone], values, *done[zone + 1:]])
 
         plan = plans[zone]
         parts = in_order(plan.parts, plan.before, plan.after, with_words)
-        found[zone] = ZonePlan(zone=plan.zone, look=plan.look, checks=plan.checks, before=plan.before,
-                               after=plan.after, parts=parts)
+        zone_plans[zone] = ZonePlan(zone=plan.zone, look=plan.look, checks=plan.checks, before=plan.before,
+                                    after=plan.after, parts=parts)
         done[zone] = plan.after
-    return order, tuple(found)
+    return order, tuple(zone_plans)
 
 
 @dataclass(frozen=True, slots=True)
@@ -262,7 +262,7 @@ def apply_zones(wanted: ZonesWriteRequest, confirm: str | None, progress: Progre
 
 
 def _back_parts(plan: ZonesPlan, peers: Sequence[Peer]) -> list[WayBackPart]:
-    """Return what brings back all zones, in the order in which they are written."""
+    """Return the parts that restore all zones, in the order in which they are written."""
     return [WayBackPart(part.start, part.before, {part.after}, address=peers[zone].address.text)
             for zone in plan.order for part in plan.zones[zone].parts]
 
@@ -327,22 +327,22 @@ class _ZonesWrite:
             raise
 
     def _watched(self, progress: Progress) -> ZonesWriteResult:
-        wanted, plan = self._wanted, self._plan
-        if not wanted.watch or wanted.declared.in_manual:
+        request, plan = self._wanted, self._plan
+        if not request.watch or request.declared.in_manual:
             for zone in plan.order:
                 self._ends[zone] = self._writers[zone].demand_new(plan.zones[zone].look, self._ends[zone])
             return self._ended(f"the words of {len(plan.order)} zones are in the PLC, read back")
         expected = [each.after for each in plan.zones]
-        found = watch_zones(self._peers, wanted.proven, expected, progress)
-        told = f"watched for {found.seconds:.0f} s, {found.count} readings"
-        if found.outside:
-            return self._taken_back(f"{told}: {found.outside}")
-        if found.ended_early:
-            self._ends = {zone: WriteEnd(WriteOutcome.UNWATCHED, f"{end.message}; {told}, then: {found.ended_early}",
+        watch = watch_zones(self._peers, request.proven, expected, progress)
+        summary = f"watched for {watch.seconds:.0f} s, {watch.count} readings"
+        if watch.outside:
+            return self._taken_back(f"{summary}: {watch.outside}")
+        if watch.ended_early:
+            self._ends = {zone: WriteEnd(WriteOutcome.UNWATCHED, f"{end.message}; {summary}, then: {watch.ended_early}",
                                          end.stands) for zone, end in self._ends.items()}
-            return self._ended(f"the words are in the PLC; {told}, then: {found.ended_early}")
-        return self._ended(f"the words of {len(plan.order)} zones are in the PLC, read back; {told}, "
-                           f"{100.0 * found.most:.0f} % of the proven band used")
+            return self._ended(f"the words are in the PLC; {summary}, then: {watch.ended_early}")
+        return self._ended(f"the words of {len(plan.order)} zones are in the PLC, read back; {summary}, "
+                           f"{100.0 * watch.most:.0f} % of the proven band used")
 
     def _taken_back(self, why: str, but: int = -1) -> ZonesWriteResult:
         """Take back the zones that were written, the last first; `but` has taken back its own words."""
@@ -379,12 +379,12 @@ def _demand_digits(digest: str, confirm: str | None) -> None:
 
 
 def _befores(folder: str | Path) -> list[Before]:
-    """Return what the records of a folder say, in the order in which the zones were written; errors as `before_of`."""
+    """Return the records of a folder, in the order in which the zones were written; errors as `before_of`."""
     files = sorted(Path(folder).glob("*_zone*.jsonl"), key=lambda path: int(path.name.partition("_")[0]))
-    found = [before_of(path) for path in files]
-    if len({(each.lines.begin["digest"], each.address.host, each.address.port) for each in found}) != 1:
+    records = [before_of(path) for path in files]
+    if len({(each.lines.begin["digest"], each.address.host, each.address.port) for each in records}) != 1:
         raise DocumentError(f"{folder}: records of several writes")
-    return found
+    return records
 
 
 def _digest(befores: Sequence[Before]) -> str:
@@ -398,7 +398,7 @@ def _peers_of_records(befores: Sequence[Before], link: LinkSettings | None) -> I
 
 
 def inspect_zones(folder: str | Path, link: LinkSettings | None = None) -> tuple[dict[str, WriteEnd], str]:
-    """Return what became of the write of each zone, and the digits that confirm its restoration.
+    """Return the outcome of the write of each zone, and the digits that confirm its restoration.
 
     Raises:
         DocumentError: the records are damaged.
@@ -406,9 +406,9 @@ def inspect_zones(folder: str | Path, link: LinkSettings | None = None) -> tuple
     """
     befores = _befores(folder)
     with _peers_of_records(befores, link) as peers:
-        found = {str(each.lines.begin["zone"]): became(each, peer.look())
-                 for each, peer in zip(befores, peers, strict=True)}
-    return found, _digest(befores)[:8]
+        outcomes = {str(each.lines.begin["zone"]): became(each, peer.look())
+                    for each, peer in zip(befores, peers, strict=True)}
+    return outcomes, _digest(befores)[:8]
 
 
 def restore_zones(

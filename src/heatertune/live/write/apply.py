@@ -76,16 +76,16 @@ def in_order(
         if why.get(done):
             return None
         for number in range(len(parts)):
-            if number not in done and not why.get(done | {number}) and (found := reached((*order, number))):
-                return found
+            if number not in done and not why.get(done | {number}) and (sequence := reached((*order, number))):
+                return sequence
         return None
 
     order = reached(())
     if order is not None:
         return [parts[number] for number in order]
-    first = min((done for done, told in why.items() if told), key=lambda done: (len(done), sorted(done)))
-    told = ", ".join(f"{name} = {after[name]:g}" for number in sorted(first) for name in parts[number].names)
-    raise NoOrder(f"no order of writing is proven: with {told} first, {why[first]}")
+    first = min((done for done, message in why.items() if message), key=lambda done: (len(done), sorted(done)))
+    message = ", ".join(f"{name} = {after[name]:g}" for number in sorted(first) for name in parts[number].names)
+    raise NoOrder(f"no order of writing is proven: with {message} first, {why[first]}")
 
 
 PLAN_SCHEMA: Final = "heatertune/write/2"
@@ -163,10 +163,10 @@ def plan_write(wanted: WriteRequest, peer: Peer) -> WritePlan:
     proven, there = wanted.proven_words, peer.standing
     first = peer.look()
     looks = first, peer.later(first, _SCANS)
-    look, found = looks[1], checks(proven, there, looks, wanted.declared)
-    is_block = found[0].ok is True
-    kept = there.block.operators if wanted.declared.in_manual else ()
-    after = {**look.values, **{name: proven.words.values[name] for name in there.own if name not in kept}}
+    look, results = looks[1], checks(proven, there, looks, wanted.declared)
+    is_block = results[0].ok is True
+    operator_words = there.block.operators if wanted.declared.in_manual else ()
+    after = {**look.values, **{name: proven.words.values[name] for name in there.own if name not in operator_words}}
     parts, no_order = there.parts(look.content, after) if is_block else [], ""
     if not wanted.declared.in_manual:
         try:
@@ -179,7 +179,7 @@ def plan_write(wanted: WriteRequest, peer: Peer) -> WritePlan:
         now = _now(wanted, there, look)
         then = Side(source=proven.directory, kind="words", words=proven.words, proof=proven.proof)
         apart = difference(now, then)
-    return WritePlan(look=look, checks=found, before=look.values, after=after, parts=parts, no_order=no_order,
+    return WritePlan(look=look, checks=results, before=look.values, after=after, parts=parts, no_order=no_order,
                    difference=apart, undone_by=there.block.undone_by)
 
 
@@ -234,13 +234,13 @@ def apply_write(wanted: WriteRequest, yes: str | None, progress: Progress = str)
     budget = Budget(wanted.address, peer.standing.number, wanted.most_writes)
     hold = Hold(wanted.address, wanted.link.clock)
     with hold.lock("write"), peer:
-        begun = hold.demand_free(unless_write=True)
+        attempt = hold.demand_free(unless_write=True)
         progress("looking at the PLC")
         try:
             plan = plan_write(wanted, peer)
         except LinkError as problem:
             return WriteResult(WriteEnd(WriteOutcome.NOT_DONE, f"nothing was sent: {problem}"))
-        now, earlier = plan.look, _of_earlier(hold, begun, plan.look)
+        now, earlier = plan.look, _of_earlier(hold, attempt, plan.look)
         if why := refusal_reason(plan.checks) or plan.no_order:
             return WriteResult(WriteEnd(WriteOutcome.NOT_DONE, f"nothing was sent: {why}", now.values), None, earlier)
         if not plan.parts:
@@ -257,15 +257,15 @@ def apply_write(wanted: WriteRequest, yes: str | None, progress: Progress = str)
 
 
 def _of_earlier(hold: Hold, begun: WayBack | None, look: BlockSnapshot) -> tuple[str, ...]:
-    """Return what became of a write that never ended, a sentence; its hold is over once that is recorded."""
+    """Return the outcome of a write that never ended, a sentence; its hold is over once that is recorded."""
     if begun is None:
         return ()
     try:
-        told = record_outcome(read_lines(begun.record), look)
+        message = record_outcome(read_lines(begun.record), look)
     except DocumentError:  # a kill before its first line: nothing was sent; or somebody has removed it
-        told = f"a {begun.command} begun {begun.begun} has no record: {begun.record}"
+        message = f"a {begun.command} begun {begun.begun} has no record: {begun.record}"
     hold.close()
-    return (told,)
+    return (message,)
 
 
 def _written(wanted: WriteRequest, plan: WritePlan, writer: Writer, progress: Progress) -> WriteEnd:
@@ -289,18 +289,18 @@ def _watched(
     wanted: WriteRequest, plan: WritePlan, writer: Writer, ended: WriteEnd, progress: Progress
 ) -> WriteEnd:
     try:
-        seen = watch_response(writer.peer, writer.record, wanted.proven_words, plan.after, [plan.look, *writer.looks],
-                              progress)
+        watch = watch_response(writer.peer, writer.record, wanted.proven_words, plan.after, [plan.look, *writer.looks],
+                               progress)
     except RecordBroken as problem:
         return writer.restore(plan.parts, plan.before, plan.after, str(problem))
-    told = f"watched for {seen.seconds:.0f} s, {seen.count} readings"
-    if seen.outside:
-        return writer.restore(plan.parts, plan.before, plan.after, f"{told}: {seen.outside}")
-    if seen.ended_early:
-        return WriteEnd(WriteOutcome.UNWATCHED, f"{ended.message}; {told}, then: {seen.ended_early}",
-                        seen.stands or ended.stands)
-    return WriteEnd(WriteOutcome.DONE, f"{ended.message}; {told}, {100.0 * seen.most:.0f} % of the proven band used",
-                    seen.stands)
+    notice = f"watched for {watch.seconds:.0f} s, {watch.count} readings"
+    if watch.outside:
+        return writer.restore(plan.parts, plan.before, plan.after, f"{notice}: {watch.outside}")
+    if watch.ended_early:
+        return WriteEnd(WriteOutcome.UNWATCHED, f"{ended.message}; {notice}, then: {watch.ended_early}",
+                        watch.stands or ended.stands)
+    return WriteEnd(WriteOutcome.DONE, f"{ended.message}; {notice}, {100.0 * watch.most:.0f} % of the proven band used",
+                    watch.stands)
 
 
 def _path(wanted: WriteRequest) -> Path:

@@ -231,7 +231,7 @@ def highest_message(conditions: Conditions, degC: float) -> str:
 
 
 def _unread_degC(words: Words, fitted: FittedModel, noise_degC: float) -> float:
-    """Return what a reading cannot tell, and what the best of the plausible heaters left over of its own log [°C]."""
+    """Return the resolution of a reading plus the residual of the best plausible heater on its own log [°C]."""
     count = words.scaling.span_degC / controller_for(words.target).sensor(words.scaling).counts
     left = [each.rmse_degC for each in fitted.candidates if math.isfinite(each.rmse_degC)]
     return max(_SIGMAS * noise_degC, count) + min(left, default=0.0)
@@ -350,46 +350,46 @@ class _Watch:
         """Take a reading; return why the words have to be taken back, nothing where they need not."""
         if not self._is_new(look):
             return ""
-        seen, asked = (self._peer.standing.signal(look.content, role) for role in ("temperature", "setpoint"))
+        degC, setpoint_degC = (self._peer.standing.signal(look.content, role) for role in ("temperature", "setpoint"))
         self._first, self._last = self._first or look, look
         self.seconds = look.time_s - self._first.time_s
         if look.content != self._content:
             self._content, self._changed_s = look.content, self.seconds
-        problem = reading_problem(seen, self._sensor_degC)
-        problem = problem or ("" if math.isfinite(asked) else "the setpoint is not a number")
+        problem = reading_problem(degC, self._sensor_degC)
+        problem = problem or ("" if math.isfinite(setpoint_degC) else "the setpoint is not a number")
         problem = problem or ("" if math.isfinite(self._power(look)) else "the power is not a number")
         self._unusable_row = self._unusable_row + 1 if problem else 0
         if problem:
             self._unusable += 1
             self._record.write_line("unusable", s=round(self.seconds, 3), message=problem, **look.to_document())
             return problem if self._unusable_row >= _IN_A_ROW else ""
-        rise = self._rise.see(look.time_s, seen)
-        if stop := highest_message(self._proven.conditions, seen) or self._frozen(look, seen):
+        rise = self._rise.see(look.time_s, degC)
+        if stop := highest_message(self._proven.conditions, degC) or self._frozen(look, degC):
             return stop
         if self._jumped_before:
             return self._jumped_before
-        if not self._shows and (jump := self._jump(look, seen)):
+        if not self._shows and (jump := self._jump(look, degC)):
             self._outside += 1
             self._record.write_line("jumped", s=round(self.seconds, 3), message=jump, **look.to_document())
             return jump if self._outside >= _IN_A_ROW else ""
-        self._way.append((look.time_s, seen))
+        self._way.append((look.time_s, degC))
         while look.time_s - self._way[0][0] > self._unseen_s and len(self._way) > 2:
             self._way.popleft()
         shows = self.seconds >= self._unseen_s and len(self._way) > 1
-        if self._band is None or shows != self._shows or abs(asked - self._band.setpoint_degC) > _SAME_DEGC:
-            self._band, self._since_s, self._shows = self._band_from(asked, seen), look.time_s, shows
+        if self._band is None or shows != self._shows or abs(setpoint_degC - self._band.setpoint_degC) > _SAME_DEGC:
+            self._band, self._since_s, self._shows = self._band_from(setpoint_degC, degC), look.time_s, shows
             self._record.write_line("band", **self._band.to_document())
         low, high = self._band.at(look.time_s - self._since_s)
-        low, high = (low, high) if shows else (min(low, seen), max(high, seen))
-        used = abs(2.0 * seen - low - high) / (high - low)
+        low, high = (low, high) if shows else (min(low, degC), max(high, degC))
+        used = abs(2.0 * degC - low - high) / (high - low)
         self._outside = 0 if used <= 1.0 else self._outside + 1
         self._count, self._most = self._count + 1, max(self._most, used)
-        self._record.write_line("watched", s=round(self.seconds, 3), temperature_degC=seen, low_degC=low,
+        self._record.write_line("watched", s=round(self.seconds, 3), temperature_degC=degC, low_degC=low,
                                 high_degC=high,
                          **look.to_document())
         between = f"the proven band, {low:.4g} to {high:.4g} °C"
-        self.state_text = f"{seen:.4g} °C in {between}, {self.seconds:.0f} of {self.duration_s:.0f} s"
-        return f"{seen:.4g} °C is outside of {between}" if self._outside >= _IN_A_ROW else rise if shows else ""
+        self.state_text = f"{degC:.4g} °C in {between}, {self.seconds:.0f} of {self.duration_s:.0f} s"
+        return f"{degC:.4g} °C is outside of {between}" if self._outside >= _IN_A_ROW else rise if shows else ""
 
     def _see_before(self, looks: Iterable[BlockSnapshot]) -> str:
         """Take the looks from before the watch; return why readings have jumped in them; empty where they have not."""
@@ -439,8 +439,8 @@ class _Watch:
         if not self._unusable <= _DISTURBED * self._count:
             return f"{count(self._unusable, 'reading')} of {self._unusable + self._count} could not be used"
         still_s = self.seconds - self._changed_s
-        told = self._last is not None and (self._last.status is not None or self._last.life.stamp is not None)
-        if self._last is not None and not told and not still_s < _NOTHING_NEW * self.duration_s:
+        has_stamp = self._last is not None and (self._last.status is not None or self._last.life.stamp is not None)
+        if self._last is not None and not has_stamp and not still_s < _NOTHING_NEW * self.duration_s:
             return (f"no byte of the block has changed for {still_s:.0f} s: a CPU that stands, a frozen sensor and a "
                     "loop at rest look the same")
         return ""

@@ -94,13 +94,13 @@ class BlockImage:
         raise ValueError(f"byte {start} is not read")
 
     def read(self, client: Client) -> bytes:
-        """Return what stands there; errors as `Client.read`."""
+        """Return the content of the block; errors as `Client.read`."""
         return b"".join(client.read(self.number, begin, count) for begin, count in self.spans)
 
     def values(self, content: bytes) -> dict[str, Number]:
         """Return every word in the bytes of the block; a whole number is one."""
-        found = {name: self._of(content, signal) for name, signal in self.block.words.items()}
-        return {name: value if self.block.words[name].format == "REAL" else int(value) for name, value in found.items()}
+        raw = {name: self._of(content, signal) for name, signal in self.block.words.items()}
+        return {name: value if self.block.words[name].format == "REAL" else int(value) for name, value in raw.items()}
 
     def bits(self, content: bytes) -> dict[str, int]:
         """Return the words of one bit that the program around does not write; they are looked at alone."""
@@ -109,14 +109,14 @@ class BlockImage:
 
     def words(self, content: bytes, others: Words) -> Words:
         """Return what a PLC runs; what does not stand in the block is as in other words."""
-        held = self.interval_s(content)
+        interval_s = self.interval_s(content)
         return replace(others, values={**others.values, **self.values(content), **self.bits(content)},
-                       sample_time_s=others.sample_time_s if held is None else held)
+                       sample_time_s=others.sample_time_s if interval_s is None else interval_s)
 
     def interval_s(self, content: bytes) -> float | None:
         """Return the interval at which the controller is called, where words in the block tell it [s]."""
-        found, told = {**self.values(content), **self.bits(content)}, self.controller.interval_s
-        return None if told is None or any(field.name not in found for field in self.controller.fields) else told(found)
+        words, rule = {**self.values(content), **self.bits(content)}, self.controller.interval_s
+        return None if rule is None or any(field.name not in words for field in self.controller.fields) else rule(words)
 
     def signal(self, content: bytes, role: str) -> float:
         """Return a signal of the block, see `heatertune.live.controller_block.ServedBlock`."""
@@ -154,7 +154,7 @@ class BlockImage:
         return value in read or stands in (*mixtures, *map(signal.stored, read))  # of many NaN one stays, and of zeros
 
     def parts(self, content: bytes, values: Mapping[str, Number]) -> list[WritePart]:
-        """Return what is to be written so that words stand there: those that differ, neighbours together.
+        """Return the parts to write so that words stand there: those that differ, neighbours together.
 
         Args:
             content: bytes of the block as they are.
@@ -216,7 +216,7 @@ def block_image(words: Words, address: Address, switches: Mapping[str, str]) -> 
 
 
 def _spans(block: ServedBlock) -> tuple[tuple[int, int], ...]:
-    """Return what has to be read: all at once, or, of registers that are not in a row, run by run."""
+    """Return the ranges to read: all at once, or, of registers that are not in a row, run by run."""
     if len(block.registers) > 1:
         return tuple((2 * run.first, 2 * run.size) for run in block.registers)
     cells = [slice(each.start, each.start + each.size) for each in (*block.words.values(), *block.signals.values())]
@@ -309,7 +309,7 @@ class Peer(ClosesOnExit):
     _client: Client | None
 
     def look(self) -> BlockSnapshot:
-        """Return what stands there; a lost connection is made anew, as often as `Link` allows.
+        """Return the content of the block; a lost connection is opened again, as often as `Link` allows.
 
         Raises:
             LinkError: no connection, or the PLC says that there is no such block.
@@ -329,10 +329,10 @@ class Peer(ClosesOnExit):
     def _look(self) -> BlockSnapshot:
         client, at = self._connected(), self.standing
         content = at.read(client)
-        told = self._simulator_status(client)
-        seen = self.clock.now_s() if told is None else told.intervals * told.interval_s
-        life = client.sign_of_life() if told is None else _NOTHING_TOLD
-        look = BlockSnapshot(content, at.values(content), told, seen, life)
+        status = self._simulator_status(client)
+        clock_s = self.clock.now_s() if status is None else status.intervals * status.interval_s
+        life = client.sign_of_life() if status is None else _NOTHING_TOLD
+        look = BlockSnapshot(content, at.values(content), status, clock_s, life)
         first = self._first = self._first or look
         self.moved = self.moved or content != first.content or look.is_new(first) is True
         return look
@@ -340,9 +340,9 @@ class Peer(ClosesOnExit):
     def _simulator_status(self, client: Client) -> SimulatorStatus | None:
         if self._simulated is False:
             return None
-        told = status_of_simulator(client)
-        self._simulated = told is not None
-        return told
+        status = status_of_simulator(client)
+        self._simulated = status is not None
+        return status
 
     def _connected(self) -> Client:
         if self._client is None:
@@ -363,7 +363,7 @@ class Peer(ClosesOnExit):
             raise
 
     def later(self, since: BlockSnapshot, scans: int) -> BlockSnapshot:
-        """Return what stands there so many scans later, or, where none pass, in STOP at once, else after a while.
+        """Return the content so many scans later, or, where none pass, in STOP at once, else after a while.
 
         Raises:
             LinkError: as `look`.

@@ -121,8 +121,8 @@ class ProvenWords:
             InputError: it is not.
         """
         if typed is None or len(typed) < LEAST_YES or not self.digest.startswith(typed.lower()):
-            found = "it was not said" if typed is None else f"found {typed!r}"
-            raise InputError(f"--confirm: {found}; expected the first digits of the digest of the proof that you have "
+            entry = "it was not said" if typed is None else f"found {typed!r}"
+            raise InputError(f"--confirm: {entry}; expected the first digits of the digest of the proof that you have "
                              f"read, as {self.yes}")
 
     def open_in_between(self, values: Mapping[str, Number]) -> str:
@@ -146,11 +146,11 @@ class ProvenWords:
                 Coverage(stated_settings=view.stated_settings, only=ran, draws=False), interlock=view.interlock)
         except HeatertuneError as problem:
             return str(problem)
-        found = {criterion.name: criterion for criterion in proof.criteria}
-        if "ms" not in found and "ms" in view.criteria:
+        by_name = {criterion.name: criterion for criterion in proof.criteria}
+        if "ms" not in by_name and "ms" in view.criteria:
             return "they make no PID"
-        broken = [f"{name} is {found[name].value:.3g}" for name in _IN_BETWEEN
-                  if name in found and not (found[name].ok and math.isfinite(found[name].value))]
+        broken = [f"{name} is {by_name[name].value:.3g}" for name in _IN_BETWEEN
+                  if name in by_name and not (by_name[name].ok and math.isfinite(by_name[name].value))]
         return " and ".join(broken)
 
 
@@ -264,8 +264,8 @@ def _block(proven: ExpectedWords, standing: BlockImage, look: BlockSnapshot) -> 
 
 def _bits(proven: ExpectedWords, standing: BlockImage, look: BlockSnapshot) -> Iterator[Check]:
     """Yield words of one bit that are not as proven: none is written, as its byte holds what is others', too."""
-    found = standing.bits(look.content)
-    if other := [f"{name} is {value}; {proven.words.values[name]:g} was proven" for name, value in found.items()
+    bits = standing.bits(look.content)
+    if other := [f"{name} is {value}; {proven.words.values[name]:g} was proven" for name, value in bits.items()
                  if value != proven.words.values[name]]:
         yield Check("bits", False, f"{', '.join(other)}: set them manually")
 
@@ -278,8 +278,8 @@ def _moves(looks: tuple[BlockSnapshot, BlockSnapshot]) -> Check:
     if second.status is not None and first.status is not None:
         new = second.is_new(first)
         return Check(name, new, "runs, a simulator" if new else "says that it runs, but no scan came")
-    told = second.is_new(first)
-    if first.content != second.content if told is None else told:
+    is_new = second.is_new(first)
+    if first.content != second.content if is_new is None else is_new:
         return Check(name, True, "the block moves")
     if runs(second):
         return Check(name, True, "says that it runs")
@@ -288,21 +288,21 @@ def _moves(looks: tuple[BlockSnapshot, BlockSnapshot]) -> Check:
 
 def call_interval(standing: BlockImage, look: BlockSnapshot, said: Declared) -> tuple[float | None, str]:
     """Return the interval at which a PLC calls the controller [s], None where nobody tells it, and who does."""
-    found, by = said.called_every_s, "as said"
+    value, by = said.called_every_s, "as said"
     if look.status is not None:
-        found, by = look.status.interval_s, "as the simulator says"
-    if (held := standing.interval_s(look.content)) is not None:
-        found, by = held, "by its words"
-    return found, by
+        value, by = look.status.interval_s, "as the simulator says"
+    if (interval_s := standing.interval_s(look.content)) is not None:
+        value, by = interval_s, "by its words"
+    return value, by
 
 
 def _interval(proven: ExpectedWords, standing: BlockImage, look: BlockSnapshot, said: Declared) -> Check:
     own = proven.words.sample_time_s
-    found, by = call_interval(standing, look, said)
-    if found is None:
+    interval_s, by = call_interval(standing, look, said)
+    if interval_s is None:
         return Check("TA", None, f"{own:g} s was proven; the block does not hold it", f"--called-every {own:g}")
-    same = abs(found - own) <= _NEAR * own
-    return Check("TA", same, f"{found:g} s, {by}" + ("" if same else f"; {own:g} s was proven"))
+    same = abs(interval_s - own) <= _NEAR * own
+    return Check("TA", same, f"{interval_s:g} s, {by}" + ("" if same else f"; {own:g} s was proven"))
 
 
 def _range(proven: ExpectedWords, said: Declared) -> Check:
@@ -311,8 +311,8 @@ def _range(proven: ExpectedWords, said: Declared) -> Check:
         return Check("sensor range", None, f"{low:g} to {high:g} °C was proven; no block holds it",
                      f"--range {low:g} {high:g}")
     same = all(abs(one - other) <= _NEAR for one, other in zip(said.range_degC, (low, high), strict=True))
-    found = f"{said.range_degC[0]:g} to {said.range_degC[1]:g} °C, as said"
-    return Check("sensor range", same, found if same else f"{found}; {low:g} to {high:g} °C was proven")
+    range_text = f"{said.range_degC[0]:g} to {said.range_degC[1]:g} °C, as said"
+    return Check("sensor range", same, range_text if same else f"{range_text}; {low:g} to {high:g} °C was proven")
 
 
 def _program(proven: ExpectedWords, said: Declared) -> Iterator[Check]:
@@ -334,24 +334,24 @@ def _mode(standing: BlockImage, look: BlockSnapshot, said: Declared) -> Check:
 
 
 def _reading(proven: ExpectedWords, standing: BlockImage, look: BlockSnapshot) -> Check:
-    seen, scale = standing.signal(look.content, "temperature"), proven.words.scaling
+    reading, scale = standing.signal(look.content, "temperature"), proven.words.scaling
     step = _COUNT * scale.span_degC / standing.controller.counts
     low, high = scale.low_degC, scale.high_degC
-    good = low <= seen <= high - step
-    return Check("reading", good, f"{seen:.4g} °C" + ("" if good else
+    good = low <= reading <= high - step
+    return Check("reading", good, f"{reading:.4g} °C" + ("" if good else
                  f"; expected {low:g} to {high - step:.4g} °C: is the sensor's wire broken?"))
 
 
 def _setpoint(proven: ExpectedWords, standing: BlockImage, look: BlockSnapshot) -> Check:
-    asked, found = proven.setpoints_degC, standing.signal(look.content, "setpoint")
+    setpoints, setpoint_degC = proven.setpoints_degC, standing.signal(look.content, "setpoint")
     around = proven.tolerance_degC
-    low, high = min(asked) - around, max(asked) + around
+    low, high = min(setpoints) - around, max(setpoints) + around
     if proven.words.ramp is not None:  # it is led there from the reading
         ambient = proven.ambient_degC
         low, high = min(low, ambient), max(high, ambient)
-    good = low <= found <= high
-    return Check("setpoint", good, f"{found:.4g} °C" + ("" if good else
-                 f"; proven from {min(asked):.4g} to {max(asked):.4g} °C"))
+    good = low <= setpoint_degC <= high
+    return Check("setpoint", good, f"{setpoint_degC:.4g} °C" + ("" if good else
+                 f"; proven from {min(setpoints):.4g} to {max(setpoints):.4g} °C"))
 
 
 def refusal_reason(checks: list[Check]) -> str:

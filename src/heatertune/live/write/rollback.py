@@ -63,7 +63,7 @@ class Before:
 
 
 def before_of(path: str | Path) -> Before:
-    """Return what a record says.
+    """Return the content of a record.
 
     Raises:
         DocumentError: it is none, not whole, or its parts do not fit together: it was changed since.
@@ -105,7 +105,7 @@ def _check_bytes(begin: Mapping[str, Any], there: BlockImage, content: bytes, pa
 
 
 def stands(before: Values, after: Values, values: Values, names: list[str]) -> tuple[WriteOutcome, str]:
-    """Return what stands in a PLC, held against a write.
+    """Return the comparison of a PLC's content with a write.
 
     Args:
         before: all words as they were.
@@ -124,8 +124,8 @@ def stands(before: Values, after: Values, values: Values, names: list[str]) -> t
             return outcome, f"the words stand there as {kind}"
     sentences = {"written": "{} as written", "before": "{} as before", "other": "by somebody else: {}",
                  "none": "{}: no number is read"}
-    told = "; ".join(sentences[kind].format(", ".join(which)) for kind, which in kinds.items() if which)
-    return WriteOutcome.UNKNOWN if kinds["none"] else WriteOutcome.PARTLY, told
+    sentence = "; ".join(sentences[kind].format(", ".join(which)) for kind, which in kinds.items() if which)
+    return WriteOutcome.UNKNOWN if kinds["none"] else WriteOutcome.PARTLY, sentence
 
 
 def record_outcome(lines: Lines, look: BlockSnapshot) -> str:
@@ -139,18 +139,18 @@ def record_outcome(lines: Lines, look: BlockSnapshot) -> str:
 
 
 def became(before: Before, look: BlockSnapshot) -> WriteEnd:
-    """Return what became of a write, by its record's last line and what stands in the PLC."""
+    """Return the outcome of a write, by its record's last line and the content of the PLC."""
     names = [name for part in before.parts for name in part.names]
-    outcome, found = stands(before.before, before.after, look.values, names)
+    outcome, state = stands(before.before, before.after, look.values, names)
     last = before.lines.steps[-1] if before.lines.steps else before.lines.begin
     if before.lines.complete:
-        return WriteEnd(outcome, f"it ended at {last['at']}, {last['outcome']}: {last['message']}; now {found}",
+        return WriteEnd(outcome, f"it ended at {last['at']}, {last['outcome']}: {last['message']}; now {state}",
                         look.values)
-    return WriteEnd(outcome, f"it broke off at {last['at']} after the step {last['step']!r}; {found}", look.values)
+    return WriteEnd(outcome, f"it broke off at {last['at']} after the step {last['step']!r}; {state}", look.values)
 
 
 def inspect_write(before: Before, link: LinkSettings | None = None) -> WriteEnd:
-    """Return what became of a write, and what stands in the PLC now.
+    """Return the outcome of a write, and the content of the PLC now.
 
     Raises:
         LinkError: it cannot be read.
@@ -217,8 +217,8 @@ def rolled_back(
             that is under way, an experiment on it that has not ended, or the record cannot be written.
     """
     if yes is None or len(yes) < LEAST_YES or not str(before.lines.begin["sha256"]).startswith(yes.lower()):
-        found = "it was not said" if yes is None else f"found {yes!r}"
-        raise InputError(f"--confirm: {found}; expected the first digits of the digest, {before.yes}")
+        entry = "it was not said" if yes is None else f"found {yes!r}"
+        raise InputError(f"--confirm: {entry}; expected the first digits of the digest, {before.yes}")
     budget = Budget(before.address, before.image.number, most_writes)
     peer = Peer(before.address, before.image, before.interval_s, link)
     hold = Hold(before.address, peer.clock)
@@ -232,9 +232,9 @@ def rolled_back(
             raise InputError(f"what would be put back is not proven: {why}; --unproven puts it back all the same")
         record.write_line("rollback", stands=dict(now.stands or {}), message=now.message)
         parts = [WayBackPart(part.start, part.before, {part.after}) for part in before.parts]
-        begun = hold.resume()
+        start = hold.resume()
         hold.open(replace(new_way_back("rollback", before.address, before.image.number, parts,
-                                       before.lines.path.absolute()), sent_s=None if begun is None else begun.sent_s))
+                                       before.lines.path.absolute()), sent_s=None if start is None else start.sent_s))
         writer = Writer(peer, hold, record, budget)
         ended = writer.restore(before.parts, before.before, before.after, "restored as requested", before.doubtful)
         if ended.outcome in (WriteOutcome.ROLLED_BACK, WriteOutcome.NOT_DONE) and _is_before(before, ended):
@@ -251,15 +251,15 @@ def _demand_own_hold(hold: Hold, before: Before) -> None:
     Raises:
         InputError: one has not; the message names its end.
     """
-    found = hold.way_back()
-    if found is not None and (found.command == "experiment" or Path(found.record) != before.lines.path.absolute()):
-        raise InputError(found.message)
+    way = hold.way_back()
+    if way is not None and (way.command == "experiment" or Path(way.record) != before.lines.path.absolute()):
+        raise InputError(way.message)
 
 
 def _is_before(before: Before, ended: WriteEnd) -> bool:
     """Return whether the words that were to change are as they were."""
-    found = ended.stands or {}
-    return all(found.get(name) == before.before[name] for part in before.parts for name in part.names)
+    values = ended.stands or {}
+    return all(values.get(name) == before.before[name] for part in before.parts for name in part.names)
 
 
 T = TypeVar("T")
@@ -289,9 +289,9 @@ def write_records(paths: Sequence[str | Path], directory: str | Path) -> WriteHi
         if files.count(file) > 1:
             raise InputError(f"--record {path}: is named twice")
         before = before_of(path)
-        found = before.lines.begin["digest"]
-        if found != digest:
-            raise InputError(f"{path}: the record of another proof, {_short(found)}; that in {proof} is "
+        digest_of_record = before.lines.begin["digest"]
+        if digest_of_record != digest:
+            raise InputError(f"{path}: the record of another proof, {_short(digest_of_record)}; that in {proof} is "
                              f"{_short(digest)}: name the folder whose words were written")
         _demand_whole(before, words)
         passages += _passages(before, words)
@@ -354,16 +354,16 @@ def _passages(before: Before, words: Words) -> list[Passage]:
         if any(step["step"] == "end" for step in group[:-1]):
             late = f"step {group[-1]['step']!r} of {group[-1].get('at')}"
             raise DocumentError(f"{before.lines.path}: {late}: comes after the end")
-    made = [_passage(before, words, group) for group in groups]
+    passages = [_passage(before, words, group) for group in groups]
     for number, group in enumerate(groups[1:]):
-        if made[number].ended is None:  # nobody asked what became of it until it was taken back
+        if passages[number].ended is None:  # nobody asked what became of it until it was taken back
             back = _read(before, _Begin, group[0])
-            made[number] = replace(made[number], message=back.message, left=back.stands or None,
-                                   quantities=_quantities(words, made[number].as_found, back.stands or None))
+            passages[number] = replace(passages[number], message=back.message, left=back.stands or None,
+                                       quantities=_quantities(words, passages[number].as_found, back.stands or None))
     if before.lines.torn:
         torn = "The last line of the record is torn, as a kill leaves it, and was left out."
-        made[-1] = replace(made[-1], notes=(*made[-1].notes, torn))
-    return made
+        passages[-1] = replace(passages[-1], notes=(*passages[-1].notes, torn))
+    return passages
 
 
 def _passage(before: Before, words: Words, steps: Sequence[Step]) -> Passage:
@@ -373,7 +373,7 @@ def _passage(before: Before, words: Words, steps: Sequence[Step]) -> Passage:
     end = _read(before, _WriteEndLine, last) if last["step"] == "end" else _WriteEndLine(
         at="", outcome="unknown", stands=None,
         message=f"the record breaks off after the step {last['step']!r}; heatertune rollback {path.name} asks the PLC")
-    found = before.before if is_write else begin.stands or None
+    as_found = before.before if is_write else begin.stands or None
     lost = sum(step["step"] == "no answer" for step in steps)
     notes = [f"{lost} {'answer was' if lost == 1 else 'answers were'} lost; the parameters were read from the PLC "
              "again."]
@@ -382,12 +382,12 @@ def _passage(before: Before, words: Words, steps: Sequence[Step]) -> Passage:
         simulated=head.simulated, version=head.version, begun=_instant(before, begin.at),
         ended=_instant(before, end.at) if end.at else None, outcome=end.outcome, message=end.message,
         observations=tuple(f"{each.get('name')}: {each.get('message')}" for each in begin.checks),
-        notes=tuple(notes if lost else ()), as_found=found, left=end.stands,
-        quantities=_quantities(words, found, end.stands), watch=_watch(before, steps))
+        notes=tuple(notes if lost else ()), as_found=as_found, left=end.stands,
+        quantities=_quantities(words, as_found, end.stands), watch=_watch(before, steps))
 
 
 def _read(before: Before, kind: type[T], step: Step) -> T:
-    """Return what is needed of a step; raise DocumentError where it is not there."""
+    """Return the required fields of a step; raise DocumentError where it is not there."""
     names = [field.name for field in fields(cast("Any", kind))]
     where = f"{before.lines.path}, step {step['step']!r} of {step.get('at')}"
     return decode(kind, {name: step[name] for name in names if name in step}, where)
@@ -402,7 +402,7 @@ def _instant(before: Before, text: str) -> str:
 
 
 def _quantities(words: Words, present_values: Values | None, left: Values | None) -> tuple[Quantity, ...]:
-    """Return what words mean: as found, proven, as left."""
+    """Return the meaning of words: as found, proven, as left."""
     proven = _meant(words, {})
     one, other = (None if values is None else _meant(words, values) for values in (present_values, left))
     return tuple(
@@ -435,10 +435,10 @@ def _watch(before: Before, steps: Sequence[Step]) -> Watch | None:
     if not rows:
         return None
     columns = np.array(rows)
-    _, seen, low, high, _ = columns.T
-    kept = np.zeros(len(rows), dtype=bool)
-    kept[np.linspace(0, len(rows) - 1, min(len(rows), _DRAWN)).astype(int)] = True
-    kept |= (seen < low) | (seen > high)
-    kept[[int(np.argmin(seen)), int(np.argmax(seen))]] = True
-    time_s, seen, low, high, asked = map(tuple, columns[kept].T.tolist())
-    return Watch(time_s=time_s, temperature_degC=seen, low_degC=low, high_degC=high, setpoint_degC=asked)
+    _, readings, low, high, _ = columns.T
+    selection = np.zeros(len(rows), dtype=bool)
+    selection[np.linspace(0, len(rows) - 1, min(len(rows), _DRAWN)).astype(int)] = True
+    selection |= (readings < low) | (readings > high)
+    selection[[int(np.argmin(readings)), int(np.argmax(readings))]] = True
+    time_s, readings, low, high, setpoint_degC = map(tuple, columns[selection].T.tolist())
+    return Watch(time_s=time_s, temperature_degC=readings, low_degC=low, high_degC=high, setpoint_degC=setpoint_degC)

@@ -123,12 +123,12 @@ def read_lines(path: str | Path) -> Lines:
         *whole, rest = read_bytes(path).split(b"\n")
     except OSError as problem:
         raise DocumentError(f"{path}: cannot be read: {problem.strerror}") from None
-    found = [_line(content) for content in whole]
-    for number, line in enumerate(found, start=1):
-        after = found[number] if number < len(found) else None
+    documents = [_line(content) for content in whole]
+    for number, line in enumerate(documents, start=1):
+        after = documents[number] if number < len(documents) else None
         if line is None and (number == 1 or after is None or after["step"] != _TORN):
             raise DocumentError(f"{path}, line {number}: no step of a record")
-    lines: list[Document] = [line for line in found if line is not None and line["step"] != _TORN]
+    lines: list[Document] = [line for line in documents if line is not None and line["step"] != _TORN]
     if lines and is_earlier(lines[0].get("schema"), RECORD_SCHEMA):
         lines = [with_current_keys(line, RECORD_SCHEMA) for line in lines]
     if not lines or lines[0].get("schema") != RECORD_SCHEMA:

@@ -252,10 +252,10 @@ class Writer:
             while change.pending and (left_s := self._hold.left_s):
                 self._progress(f"looking for {left_s:.0f} s more whether {', '.join(sorted(change.pending))} arrive")
                 self._clock.sleep(min(_PAUSE_S, left_s))
-                found = self.peer.look().values
-                if arrived := {name for name in change.pending if change.is_written(name, found[name])}:
+                values = self.peer.look().values
+                if arrived := {name for name in change.pending if change.is_written(name, values[name])}:
                     change.pending.difference_update(arrived)
-                    self._noted("arrived late", stands=dict(found))
+                    self._noted("arrived late", stands=dict(values))
 
     def _late(self, change: _Change, ended: WriteEnd) -> WriteEnd | None:
         """Look at the PLC until no request can still arrive.
@@ -274,11 +274,11 @@ class Writer:
                 if left_s := self._hold.left_s:
                     self._progress(f"looking for {left_s:.0f} s more whether a request without an answer still arrives")
                     self._clock.sleep(min(_PAUSE_S, left_s))
-                found = self.peer.look().values
-                if self._has_arrived(change, ended, found):
+                values = self.peer.look().values
+                if self._has_arrived(change, ended, values):
                     return None
                 if not left_s:  # the look was later than the last instant at which anything can arrive
-                    return self._nothing_more(change, replace(ended, stands=found))
+                    return self._nothing_more(change, replace(ended, stands=values))
         except KeyboardInterrupt:
             raise LinkDown("interrupted while a request without an answer may still arrive") from None
 
@@ -339,19 +339,19 @@ class Writer:
 
     def _demand_stored(self, names: Sequence[str], change: _Change) -> None:
         """Look at words that were just written; raise `_Stopped` where the device keeps other values in their place."""
-        found = self.peer.look().values
+        values = self.peer.look().values
         for name in names:
-            if found[name] == change.before[name] != change.after[name]:
+            if values[name] == change.before[name] != change.after[name]:
                 change.pending.add(name)
                 continue
             change.pending.discard(name)
-            if not change.is_written(name, found[name]):
-                change.stored[name] = found[name]
+            if not change.is_written(name, values[name]):
+                change.stored[name] = values[name]
         if change.stored:
             self._own_stored(change)
-            kept = ", ".join(f"{name} = {value:g} in place of {change.after[name]:g}"
-                             for name, value in change.stored.items())
-            raise _Stopped(f"the device keeps {kept}: a limit of its own, or a scale")
+            differences = ", ".join(f"{name} = {value:g} in place of {change.after[name]:g}"
+                                    for name, value in change.stored.items())
+            raise _Stopped(f"the device keeps {differences}: a limit of its own, or a scale")
 
         if not change.pending:
             self._hold.note_stored()
@@ -404,20 +404,20 @@ class Writer:
                             f"{why}; {', '.join(left)} stand there as written and could not be taken "
                          f"back: {'; '.join(problems) or 'somebody has written them again'}", look.values)
         if changed := change.settle(look.values):
-            told = ", ".join(f"{name} is {value:g}, not {change.before[name]:g}" for name, value in changed.items())
+            rest = ", ".join(f"{name} is {value:g}, not {change.before[name]:g}" for name, value in changed.items())
             self._noted("in doubt", words=changed)
             put_back = "put back, but " if change.tried else ""
-            return WriteEnd(WriteOutcome.PARTLY, f"{why}; {put_back}{told}: the device keeps it in place of what was "
+            return WriteEnd(WriteOutcome.PARTLY, f"{why}; {put_back}{rest}: the device keeps it in place of what was "
                             "sent, or somebody else has written it", look.values)
         if change.stored:  # what stands there from now on is another's
             self._noted("in doubt", words={})
         others = self._unlike(look.values, change.before)
-        seen = f"; besides, somebody has changed the words: {others}" if others else ""
+        note = f"; besides, somebody has changed the words: {others}" if others else ""
         if not change.pending:
             self._hold.note_stored()
         if not change.tried:
-            return WriteEnd(WriteOutcome.NOT_DONE, f"{why}; nothing that was written stands there{seen}", look.values)
-        return WriteEnd(WriteOutcome.ROLLED_BACK, f"{why}; what was written is taken back{seen}", look.values)
+            return WriteEnd(WriteOutcome.NOT_DONE, f"{why}; nothing that was written stands there{note}", look.values)
+        return WriteEnd(WriteOutcome.ROLLED_BACK, f"{why}; what was written is taken back{note}", look.values)
 
     def _put_back(self, part: WritePart, change: _Change, problems: list[str]) -> bool:
         """Put back the words of a part that stand there as written; return whether they are, as far as that is known.

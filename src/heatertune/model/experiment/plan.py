@@ -366,10 +366,10 @@ def propose(
     for share in _DURATIONS:
         duration = min(setup.longest_s, setup.noise.nearest_reading(share * setup.longest_s))
         progress(f"searching the best experiment of {duration:g} s on {len(prior.models)} heaters")
-        made = [] if kind == "relay" else [plan_doublet(prior, setup, duration)]
+        candidates = [] if kind == "relay" else [plan_doublet(prior, setup, duration)]
         relay = None if kind == "doublet" else plan_relay(prior, setup, duration)
-        made += [] if relay is None else [relay]
-        plans += sorted(made, key=lambda plan: plan.worst)[:1]
+        candidates += [] if relay is None else [relay]
+        plans += sorted(candidates, key=lambda plan: plan.worst)[:1]
         if plans and plans[-1].worst <= setup.aim:
             break
     if not plans:

@@ -129,11 +129,11 @@ def _at_rest(problem: PowerProblem, fit: PowerFit, ambient: Interval | None) -> 
     lowest = lowest_degC(problem)
     if ambient is None or ambient.low is None or ambient.low <= lowest or is_sensible(problem, fit):
         return
-    held = _with_lowest_ambient(problem)
-    refit = min((held.fit(), held.refine(fit.vector[None, :])), key=lambda trial: bic_of(held, trial))
+    variant = _with_lowest_ambient(problem)
+    refit = min((variant.fit(), variant.refine(fit.vector[None, :])), key=lambda trial: bic_of(variant, trial))
     if not isinstance(refit.model, Fopdt):
         return
-    yield Rival(held, refit, refit.model, "power logged, ambient at the lowest reading", (
+    yield Rival(variant, refit, refit.model, "power logged, ambient at the lowest reading", (
         f"Left free, the ambient comes out at {fit.linear[AMBIENT]:.3g} °C, above the lowest reading of "
         f"{lowest:.3g} °C, though no heater is colder than its room: a slow part of the heater passes for its initial "
         f"state. With the ambient at that reading {_heater(refit.model)}; both are candidates, the intervals hold "
@@ -167,9 +167,9 @@ def _other_rest(log: Log, problem: PowerProblem, fit: PowerFit) -> Iterator[Riva
             continue
         refit = min((other.fit(), other.refine(fit.vector[None, :])), key=lambda trial: bic_of(other, trial))
         if isinstance(refit.model, Fopdt) and bic_of(other, refit) < bic_of(problem, fit) + _NEAR:
-            begun = ("not from rest", "from rest")
-            yield Rival(other, refit, refit.model, f"power logged, {begun[other.at_rest]}", (
-                f"With a start {begun[problem.at_rest]}, {_heater(fit.model)}; {begun[other.at_rest]}, "
+            start_texts = ("not from rest", "from rest")
+            yield Rival(other, refit, refit.model, f"power logged, {start_texts[other.at_rest]}", (
+                f"With a start {start_texts[problem.at_rest]}, {_heater(fit.model)}; {start_texts[other.at_rest]}, "
                 f"{_heater(refit.model)}. The readings before the first step do not decide, so both are candidates and "
                 "the intervals contain both; log more readings before the first step."
             ))
@@ -194,10 +194,10 @@ def _other_edges(log: Log, problem: PowerProblem, fit: PowerFit, dead: Interval 
             continue
         at = _latest(other, best, most_s)
         if isinstance(at.model, Fopdt):
-            named = ", ".join(f"{t:.6g}" for t in log.time_s[way])
-            law = "power logged, changed as gaps began" + ("" if way is places else f" (before {named} s)")
+            times = ", ".join(f"{t:.6g}" for t in log.time_s[way])
+            law = "power logged, changed as gaps began" + ("" if way is places else f" (before {times} s)")
             yield Rival(other, at, at.model, law, (
-                f"The power changed in a gap of the log, before {named} s. If it changed at the end of the gap, the "
+                f"The power changed in a gap of the log, before {times} s. If it changed at the end of the gap, the "
                 f"dead time is {fit.vector[1]:.3g} s; if at its beginning, up to {at.model.dead_time_s:.3g} s. Both "
                 "are candidates; log a step of the power without a gap."
             ), shifted=True)
@@ -268,8 +268,8 @@ def family_of(
         orders, halves = [_Order(1, candidates[0], two_lags)], None
     ends: list[Candidate] = []
     for order in orders:
-        values, held = parameters_with_ends(explanation.problems[order.place], explanation.fits[order.place])
-        ends += ends_of(order.candidate, values, order.ci95, held, least_dead_time_s=least_dead_time_s)
+        values, fit_with_fixed = parameters_with_ends(explanation.problems[order.place], explanation.fits[order.place])
+        ends += ends_of(order.candidate, values, order.ci95, fit_with_fixed, least_dead_time_s=least_dead_time_s)
     parts = () if halves is None else halves_of(explanation.log, halves, law=candidates[0].law)
     return distinct_candidates([*candidates, *ends, *parts], least_dead_time_s), tuple(
         open_ends([("two lags" if order.place else "one lag", order.ci95) for order in orders]))

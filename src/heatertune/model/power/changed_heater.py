@@ -117,8 +117,8 @@ def load_period(problem: PowerProblem, fit: PowerFit, place: int) -> ChangePerio
     """
     thin = replace(problem, two_lags=True).average(_READINGS)
     time, loads = thin.readings.time_s, problem.loads_s
-    begun = [[*fit.vector[:2], max(float(fit.vector[2]), 0.03)], [*fit.vector[:2], 0.3]]
-    near = thin.refine(np.array(begun)).vector[None, :]
+    start_vectors = [[*fit.vector[:2], max(float(fit.vector[2]), 0.03)], [*fit.vector[:2], 0.3]]
+    near = thin.refine(np.array(start_vectors)).vector[None, :]
 
     def criterion(instant_s: float) -> float:
         moved = replace(thin, loads_s=(*loads[:place], instant_s, *loads[place + 1:]))
@@ -233,12 +233,12 @@ def _foretold_until(problem: PowerProblem, end_s: float) -> ChangePeriod | None:
     """
     time, record = problem.readings.time_s, problem.readings.temperature_degC
     rows = time <= end_s
-    begun = replace(problem, readings=_first(problem.readings, end_s))
+    opening = replace(problem, readings=_first(problem.readings, end_s))
     count = int(np.count_nonzero(rows))
-    if count < MIN_SAMPLES or len(rows) - count < _FEWEST or not np.ptp(begun.readings.level_pct):
+    if count < MIN_SAMPLES or len(rows) - count < _FEWEST or not np.ptp(opening.readings.level_pct):
         return None
-    fit = begun.fit()
-    if fit.model is None or not _is_heater(begun, fit):
+    fit = opening.fit()
+    if fit.model is None or not _is_heater(opening, fit):
         return None
     span, error = float(np.ptp(record[rows])), float(np.sqrt(np.mean((record[rows] - fit.simulated_degC) ** 2)))
     apart = np.abs(record - np.asarray(fit.linear @ problem.basis(fit.vector)))
@@ -402,10 +402,10 @@ def _opening_period(opened: _Opened, readings: Readings) -> ChangePeriod:
         readings, criterion, np.linspace(time[MIN_SAMPLES], time[-_OPEN_CIRCUIT_FEWEST], _INSTANTS))
     # while no power is on, nothing is lost by an open circuit; the dead time may be wrong by a row
     edges, levels = problem.readings.edge_s, problem.readings.level_pct
-    begun = period.low_s + _ROWS * float(np.median(np.diff(readings.time_s)))
-    held = levels[max(int(np.searchsorted(edges, begun, "right")) - 1, 0)]
-    on = edges[(levels > 0.0) & (edges >= begun)]
-    until = on[0] if len(on) and held <= 0.0 else period.low_s
+    start_s = period.low_s + _ROWS * float(np.median(np.diff(readings.time_s)))
+    level_pct = levels[max(int(np.searchsorted(edges, start_s, "right")) - 1, 0)]
+    on = edges[(levels > 0.0) & (edges >= start_s)]
+    until = on[0] if len(on) and level_pct <= 0.0 else period.low_s
     return period._replace(until_s=float(until))
 
 
@@ -416,20 +416,20 @@ def _after(problem: PowerProblem, share: float) -> _Opened | None:
     rows = time <= time[0] + share * float(np.ptp(time))
     if np.count_nonzero(rows) < MIN_SAMPLES or np.count_nonzero(~rows) < _OPEN_CIRCUIT_FEWEST:
         return None
-    begun = replace(problem, readings=_first(readings, float(time[rows][-1])))
-    if float(np.ptp(begun.readings.level_pct)) == 0.0 and problem.power_before_pct is None:
+    opening = replace(problem, readings=_first(readings, float(time[rows][-1])))
+    if float(np.ptp(opening.readings.level_pct)) == 0.0 and problem.power_before_pct is None:
         return None
-    fit = begun.fit()
-    if fit.model is None or not _explains(begun.readings.temperature_degC, fit.simulated_degC):
+    fit = opening.fit()
+    if fit.model is None or not _explains(opening.readings.temperature_degC, fit.simulated_degC):
         return None
-    if not is_sensible(begun, fit):
+    if not is_sensible(opening, fit):
         return None  # of a step down, this fit may hold what remains of the power for the room
     instants = np.linspace(time[rows][len(time[rows]) // 2], time[-_OPEN_CIRCUIT_FEWEST], _INSTANTS)
     squares = [float(np.sum((_without(problem, fit, instant) - record) ** 2)) for instant in instants]
     place = int(np.argmin(squares))
     instant, after = float(instants[place]), time > instants[place]
-    cut, kept = _without(problem, fit, instant), np.asarray(fit.linear @ problem.basis(fit.vector))
-    plain = float(np.sum((kept[after] - record[after]) ** 2))
+    cut, unchanged = _without(problem, fit, instant), np.asarray(fit.linear @ problem.basis(fit.vector))
+    plain = float(np.sum((unchanged[after] - record[after]) ** 2))
     left = float(np.sum((cut[after] - record[after]) ** 2))
     falls = float(np.median(record[after][:3]) - np.median(record[-3:])) > _GIVES_WAY * float(np.ptp(record))
     if left < _WITHOUT * plain and falls and _explains(record[after], cut[after]) and _is_on(readings, instant):

@@ -176,11 +176,11 @@ def _problem(log: Log, most: int = _READINGS) -> _Problem:
     power = Readings.of(log)
     edge_s, level = log.signals["disturbance"].changes
     thin = power.average(most)
-    held = PowerProblem(readings=thin, two_lags=True)
+    base_problem = PowerProblem(readings=thin, two_lags=True)
     length, sample = float(np.ptp(log.time_s)), float(np.median(np.diff(log.time_s)))
     lags = (math.log(0.5 * sample), math.log(FAR * length))
     bounds = np.array([lags, (0.0, length / 4.0), (0.01, 0.98), (0.0, length / 4.0)])
-    return _Problem(held, PowerProblem(readings=replace(
+    return _Problem(base_problem, PowerProblem(readings=replace(
         thin, edge_s=edge_s, level_pct=level), two_lags=True), bounds)
 
 
@@ -232,7 +232,7 @@ def _last(start: tuple[float, ...], bounds: Array, *, own_lag: bool) -> float:
 
 
 def _late_edges(log: Log, problem: _Problem, fit: _Fit) -> Array:
-    """Return what edges that were written late do to the readings, a standard deviation each, shape (n, k) [°C].
+    """Return the effect on the readings of edges written late, a standard deviation each, shape (n, k) [°C].
 
     A signal changes at any instant of the interval before the row that shows it: evenly spread.
     """
@@ -318,10 +318,10 @@ def starts(problem: PowerProblem, *, closed_loop: bool) -> Iterator[PowerProblem
     if befores == [None] and problem.readings.level_pct[0] != 0.0:
         befores.append(0.0)
     for before in befores:
-        begun = replace(problem, power_before_pct=before)
-        yield begun
-        if _may_rest(begun) and not (closed_loop and not _power_goes_on(begun)):
-            yield replace(begun, at_rest=True)
+        start = replace(problem, power_before_pct=before)
+        yield start
+        if _may_rest(start) and not (closed_loop and not _power_goes_on(start)):
+            yield replace(start, at_rest=True)
 
 
 def _may_rest(problem: PowerProblem) -> bool:
@@ -529,10 +529,10 @@ def with_events(problems: Sequence[PowerProblem], fits: Sequence[PowerFit], *, c
     A wrong initial state looks like a drift or a load, and a drift like a load, so they have to be chosen together.
     `closed_loop`: a controller moved the power.
     """
-    given = Way(list(problems), list(fits))
-    begun = [_begun(given, start) for start in starts(problems[0], closed_loop=closed_loop)]
-    drifting = {id(way): _drifting(way) for way in begun}
-    carried = sorted(begun, key=lambda way: min(way.bic, drifting[id(way)].bic))[:_CARRIED]
+    initial_way = Way(list(problems), list(fits))
+    beginnings = [_begun(initial_way, start) for start in starts(problems[0], closed_loop=closed_loop)]
+    drifting = {id(way): _drifting(way) for way in beginnings}
+    carried = sorted(beginnings, key=lambda way: min(way.bic, drifting[id(way)].bic))[:_CARRIED]
     ways = []
     for way in carried:
         ways += [Way(*with_loads(*drifting[id(way)])), _drifting(Way(*with_loads(*way)))]

@@ -111,9 +111,9 @@ def _bic_of_mean(log: Log, problem: PowerProblem, count: int) -> float:
 
 def _running_mean(values: Array, count: int) -> Array:
     """Return the mean of so many values around each; the first and last go on beyond the ends."""
-    beside = np.pad(values, (count // 2, count - 1 - count // 2), mode="edge")
-    first = np.cumsum(beside[:count])[-1]
-    return np.cumsum(np.concatenate([[first], beside[count:] - beside[:-count]])) / count
+    extension = np.pad(values, (count // 2, count - 1 - count // 2), mode="edge")
+    first = np.cumsum(extension[:count])[-1]
+    return np.cumsum(np.concatenate([[first], extension[count:] - extension[:-count]])) / count
 
 
 Places = npt.NDArray[np.intp]
@@ -200,8 +200,8 @@ def _apart(left: Array, place: int) -> float:
 
 
 def _named(instants: Array) -> str:
-    named = ", ".join(f"{t:.6g}" for t in instants[:_NAMED])
-    return f"{named} and {len(instants) - _NAMED} more" if len(instants) > _NAMED else named
+    times = ", ".join(f"{t:.6g}" for t in instants[:_NAMED])
+    return f"{times} and {len(instants) - _NAMED} more" if len(instants) > _NAMED else times
 
 
 _MUCH = 0.12  # of the span, that is left of a log that no heater explains
@@ -296,10 +296,10 @@ def _without_outliers(problem: PowerProblem) -> CleanedFit:
 
 def _settled(problem: PowerProblem, start: Array) -> CleanedFit:
     clean, readings = _fitted(problem, start, np.empty(0, dtype=np.intp)), problem.readings
-    begun = np.searchsorted(readings.time_s, readings.restart_s)
+    restart_rows = np.searchsorted(readings.time_s, readings.restart_s)
     for _ in range(_PASSES):
         last = clean
-        readings_degC, outliers = without_outliers(readings.temperature_degC, last.simulated_degC, begun)
+        readings_degC, outliers = without_outliers(readings.temperature_degC, last.simulated_degC, restart_rows)
         if np.array_equal(readings_degC, last.readings_degC):
             break
         clean = _fitted(problem, readings_degC, outliers)
@@ -320,8 +320,8 @@ def _explained_by_two_lags(single: CleanedFit) -> tuple[CleanedFit, PowerFit]:
         return single, fit
     readings, whole = single.whole.readings, replace(single.whole, two_lags=True)
     simulated = np.asarray(fit.linear @ whole.basis(fit.vector))
-    begun = np.searchsorted(readings.time_s, readings.restart_s)
-    _, odd = without_outliers(readings.temperature_degC, simulated, begun)
+    restart_rows = np.searchsorted(readings.time_s, readings.restart_s)
+    _, odd = without_outliers(readings.temperature_degC, simulated, restart_rows)
     odd = np.intersect1d(odd, single.outliers)
     if len(odd) == len(single.outliers):
         return single, fit
@@ -432,7 +432,7 @@ def explain_log(
 
 def _search(log: Log, problem: PowerProblem, *, believed: bool) -> Explanation:
     """Return one lag and two, without the outliers, the start, the drift and the loads the log asks for."""
-    given = problem
+    original = problem
     log, clean, notes = clean_log(log, problem)
     clean, second = _explained_by_two_lags(clean)
     thin, fit = clean.problem, clean.fit
@@ -447,13 +447,13 @@ def _search(log: Log, problem: PowerProblem, *, believed: bool) -> Explanation:
     if doubt and not doubt.startswith(WRONG_SIGN) and any(map(explains, *way)):
         doubt = ""
     if doubt or is_impossible(way):
-        refuse_changed(log, thin, given)
+        refuse_changed(log, thin, original)
     (problems, fits), bend, untold, extended = judged_linear(without_events(way), way)
     if any(leaves_noise(fit.problems[0].readings, fit.simulations_degC[0]) for fit in extended):
         doubt = ""  # it was that of a heater with one lag
     if any(fit.model is None for fit in fits):
         refuse_opened(log, thin)
-        refuse_changed(log, thin, given)
+        refuse_changed(log, thin, original)
         raise InputError(f"{log.name}: no heater explains the log, as something else than the power moved its "
                          "temperature; log steps of the power from rest, each until it rests")
     if not extended and bend is None and residual_share(thin.readings, fits) > _MUCH:

@@ -89,17 +89,17 @@ def input_correlation(
 def _mean_power(readings: Readings, lag_s: float, before_pct: float) -> Array:
     """Return the held power, so long before each reading, averaged as the reading is, shape (n,) [%]."""
     edges, levels = readings.edge_s, readings.level_pct
-    held = np.concatenate([[before_pct], levels])
+    powers_pct = np.concatenate([[before_pct], levels])
     energy = np.concatenate([[0.0], np.cumsum(levels[:-1] * np.diff(edges))])
 
     def total(instants: Array) -> Array:
         place = np.searchsorted(edges, instants, side="right")
-        begun = np.maximum(place - 1, 0)
-        return np.asarray(energy[begun] + held[place] * (instants - edges[begun]))
+        edge_index = np.maximum(place - 1, 0)
+        return np.asarray(energy[edge_index] + powers_pct[place] * (instants - edges[edge_index]))
 
     middle, half = readings.time_s - lag_s, readings.half_s
     mean = (total(middle + half) - total(middle - half)) / np.maximum(2.0 * half, 1e-300)
-    return np.where(half > 0.0, mean, held[np.searchsorted(edges, middle, side="right")])
+    return np.where(half > 0.0, mean, powers_pct[np.searchsorted(edges, middle, side="right")])
 
 
 def _whitening(residuals: Array) -> Array:

@@ -52,15 +52,15 @@ def held_out(problem: PowerProblem, fit: PowerFit) -> HeldOut:
               if len(place := np.setdiff1d(window, _begun(problem)))]
     foretold = np.empty_like(record)
     for place in places:
-        kept = np.ones(len(time), dtype=np.bool_)
-        kept[place] = False
-        foretold[place] = _foretold(problem, fit, kept)[place]
-    seen = np.concatenate(places)
+        training = np.ones(len(time), dtype=np.bool_)
+        training[place] = False
+        foretold[place] = _foretold(problem, fit, training)[place]
+    rows = np.concatenate(places)
     error = foretold - record
-    still = np.ptp(record[seen]) == 0.0  # all that moved came before: the error is measured by that
+    still = np.ptp(record[rows]) == 0.0  # all that moved came before: the error is measured by that
     return HeldOut(
-        fit_pct=100.0 * (1.0 - _rms(error[seen]) / float(np.std(record))) if still
-        else fit_pct(record[seen], foretold[seen]), rmse_degC=_rms(error[seen]),
+        fit_pct=100.0 * (1.0 - _rms(error[rows]) / float(np.std(record))) if still
+        else fit_pct(record[rows], foretold[rows]), rmse_degC=_rms(error[rows]),
         windows_s=tuple((float(time[place[0]]), float(time[place[-1]])) for place in places),
         rmses_degC=tuple(_rms(error[place]) for place in places),
     )
@@ -119,8 +119,8 @@ def fit_of_half(part: PowerProblem, whole: PowerFit) -> PowerFit:
         whole: fit of the log.
     """
     fit = part.refine(whole.vector[None, :])
-    held = part.refine_at_gain(whole.vector, float(whole.linear[GAIN]))
-    return held if fit.model is None or part.squares(held) < _LESS * part.squares(fit) else fit
+    gain_fit = part.refine_at_gain(whole.vector, float(whole.linear[GAIN]))
+    return gain_fit if fit.model is None or part.squares(gain_fit) < _LESS * part.squares(fit) else fit
 
 
 def _half(problem: PowerProblem, fit: PowerFit, rows: Rows) -> Half | None:
@@ -201,8 +201,8 @@ def checks_in_place(
 
 def predicts(problem: PowerProblem, fit: PowerFit) -> bool:
     """Return whether a model fits omitted windows about as well as the readings used in its fit."""
-    seen = fit_pct(problem.readings.temperature_degC, fit.simulated_degC)
-    return unseen(problem, fit).fit_pct >= seen - DROP_PCT
+    own_fit_pct = fit_pct(problem.readings.temperature_degC, fit.simulated_degC)
+    return unseen(problem, fit).fit_pct >= own_fit_pct - DROP_PCT
 
 
 def correlation_of(problem: PowerProblem, fit: PowerFit) -> InputCorrelation | None:
@@ -238,14 +238,14 @@ def judgement_remarks(
         two_lags_predict: whether two lags are a candidate and predict the omitted windows.
     """
     if validation.input_correlation is not None and not validation.input_correlation.ok:
-        kept = second is not None and second.ok
-        yield Remark("" if kept else "follows-power", _correlation_note(log, validation.input_correlation, second))
-    held = validation.held_out
-    if held.fit_pct < fit - DROP_PCT:
-        worst = max(range(len(held.rmses_degC)), key=lambda i: held.rmses_degC[i])
-        start, end = held.windows_s[worst]
+        is_clear = second is not None and second.ok
+        yield Remark("" if is_clear else "follows-power", _correlation_note(log, validation.input_correlation, second))
+    blocks = validation.held_out
+    if blocks.fit_pct < fit - DROP_PCT:
+        worst = max(range(len(blocks.rmses_degC)), key=lambda i: blocks.rmses_degC[i])
+        start, end = blocks.windows_s[worst]
         yield Remark("" if two_lags_predict else "not-foretold", (
-            f"Windows left out of the fit are predicted to {held.fit_pct:.0f} % only (fit: {fit:.0f} %), worst from "
+            f"Windows left out of the fit are predicted to {blocks.fit_pct:.0f} % only (fit: {fit:.0f} %), worst from "
             f"{start:.4g} to {end:.4g} s: the fit of one part does not hold "
             f"elsewhere{'; two lags predict them' if two_lags_predict else ''}."
         ))

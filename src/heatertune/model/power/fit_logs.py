@@ -261,9 +261,9 @@ def _ends_joint(problem: JointProblem) -> dict[str, tuple[float, float]]:
 def _bootstrap(problem: JointProblem, fit: JointFit, best: Array, seed: int) -> Array:
     """Return the vectors of resampled logs, shape (n, len(best))."""
     rng = np.random.default_rng(seed)
-    made = np.concatenate([part.simulated_degC for part in fit.parts])
-    left = problem.split(problem.records - made)
-    records = made + np.concatenate([block_resamples(error, _RESAMPLES, rng) for error in left], axis=1)
+    simulation = np.concatenate([part.simulated_degC for part in fit.parts])
+    left = problem.split(problem.records - simulation)
+    records = simulation + np.concatenate([block_resamples(error, _RESAMPLES, rng) for error in left], axis=1)
     starts = np.tile(best, (_RESAMPLES, 1))
     return minimise(problem.residuals(records), starts, problem.low, problem.high, iterations=15).parameters
 
@@ -485,11 +485,11 @@ def two_scales_of_logs(logs: Sequence[Explanation]) -> list[TwoScaleFit]:
         return []
     problems = [replace(log.problems[0], drift=False, loads_s=()) for log in logs]
     noise = [long_run_noise(log.problems[0].readings.temperature_degC, log.best_simulated_degC) for log in logs]
-    found = fit_two_scales(problems, min(_bic_together(logs, order) for order in (0, 1)), noise)
-    if not found:
+    fits = fit_two_scales(problems, min(_bic_together(logs, order) for order in (0, 1)), noise)
+    if not fits:
         raise InputError(f"{asking[0]} shows two time scales (a fast element on a slow mass), but no such heater "
                          f"explains all {len(logs)} logs: fit {' or '.join(asking)} alone")
-    return found
+    return fits
 
 
 def _bic_together(logs: Sequence[Explanation], order: int) -> float:
@@ -564,8 +564,8 @@ def _candidates(
             window_s=(min(float(log.log.time_s[0]) for log in logs), max(float(log.log.time_s[-1]) for log in logs)),
             fit_pct=_fit_pct(cleaned, simulated), rmse_degC=float(np.sqrt(np.mean(left**2))),
             delta_bic=bic - min(bics),
-            fits_pct={log.log.name: fit_pct(log.clean_temperature, made) for log,
-                      made in zip(logs, simulated, strict=True)},
+            fits_pct={log.log.name: fit_pct(log.clean_temperature, simulation) for log,
+                      simulation in zip(logs, simulated, strict=True)},
         )
 
 

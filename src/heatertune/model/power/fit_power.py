@@ -261,9 +261,9 @@ def _readings(log: Log, problem: PowerProblem, outliers: npt.NDArray[np.intp]) -
     if step is not None:
         notes.append(f"The sensor's readings come in steps of {step:.3g} °C.")
     if len(outliers):
-        named = ", ".join(f"{t:g}" for t in log.time_s[outliers[:_NAMED]])
+        times = ", ".join(f"{t:g}" for t in log.time_s[outliers[:_NAMED]])
         more = f" and {len(outliers) - _NAMED} more" if len(outliers) > _NAMED else ""
-        notes.append(f"Readings far from their neighbours were given no weight: {len(outliers)} (at {named} s{more}).")
+        notes.append(f"Readings far from their neighbours were given no weight: {len(outliers)} (at {times} s{more}).")
     if problem.readings.averaged > 1:
         merged = len(problem.readings.edge_s) <= np.count_nonzero(np.diff(log.signals["power"].values))
         notes.append(
@@ -455,7 +455,7 @@ def _beyond_noise(size: float, limit: float) -> float:
 def halves_notes(before: Mapping[str, Interval], after: Mapping[str, Interval | None]) -> Iterator[str]:
     """Report the intervals that were widened to contain the results of each half of the log."""
     widest = [NOMENCLATURE[name][1] for name, end in before.items()
-              if (held := after.get(name)) is not None and _width(held) > _TWICE * _width(end)]
+              if (counterpart := after.get(name)) is not None and _width(counterpart) > _TWICE * _width(end)]
     if widest:
         yield f"Intervals hold what each half of the log says alone, and are wider for it: {', '.join(widest)}."
 
@@ -479,8 +479,8 @@ def _surprises(
     part = half_of(problem, rows)
     if part is None:
         return {}
-    found, near = part.fit(), fit_of_half(part, whole_fit)
-    fit = near if found.model is None or bic_of(part, near) < bic_of(part, found) else found
+    free_fit, near = part.fit(), fit_of_half(part, whole_fit)
+    fit = near if free_fit.model is None or bic_of(part, near) < bic_of(part, free_fit) else free_fit
     if fit.model is None:
         return {}
     noise = noise_of(part, fit)
@@ -570,9 +570,9 @@ def fit_power(explanation: Explanation, weight: WeighedFit, *, least_dead_time_s
     problem, best = explanation.problems[shown.place], explanation.fits[shown.place]
     simulated = explanation.at_readings(problem, best)
     fit = fit_pct(explanation.clean_temperature, simulated)
-    seen = second_is_seen(two) and not shown.place  # two lags that are shown have passed these checks
-    second = correlation_of(explanation.problems[1], two) if seen else None
-    two_predict = (seen and validation.held_out.fit_pct < fit - DROP_PCT
+    has_second_lag = second_is_seen(two) and not shown.place  # two lags that are shown have passed these checks
+    second = correlation_of(explanation.problems[1], two) if has_second_lag else None
+    two_predict = (has_second_lag and validation.held_out.fit_pct < fit - DROP_PCT
                    and best_is_two and predicts(explanation.problems[1], two))
     outcome = outcome_of(max([fit, *(candidate.fit_pct for candidate in candidates)]), resolved=shown.is_resolved)
     least_s = math.exp(explanation.problems[0].low[0])
@@ -629,8 +629,8 @@ class _Shown(NamedTuple):
 def _by_two_lags(explanation: Explanation, single: _Shown, wider: Mapping[str, float], seed: int) -> _Shown:
     """Return two lags by the half rule, if they may take one lag's place, see `checks_in_place`; else one lag."""
     problem, fit = explanation.problems[1], explanation.fits[1]
-    seen = second_is_seen(fit)
-    validation = checks_in_place(problem, fit, (explanation.problems[0], explanation.fits[0])) if seen else None
+    is_shown = second_is_seen(fit)
+    validation = checks_in_place(problem, fit, (explanation.problems[0], explanation.fits[0])) if is_shown else None
     if validation is None or fit.model is None:
         return single
     own = interval_widening(problem, fit)
@@ -654,12 +654,12 @@ def fit_extended(logs: Sequence[Explanation], extended: Sequence[LossFit | TwoSc
     window_s = (min(float(each.log.time_s[0]) for each in logs), max(float(each.log.time_s[-1]) for each in logs))
     candidates: list[Candidate] = []
     for fit in extended:
-        made = np.concatenate(fit.simulations_degC)
+        simulation = np.concatenate(fit.simulations_degC)
         fits_pct = [fit_pct(*pair) for pair in zip(records, fit.simulations_degC, strict=True)]
         candidates += (Candidate(
             model=end.model, log=" + ".join(names), window_s=window_s, law=fit.law,
-            fit_pct=fits_pct[0] if len(logs) == 1 else fit_pct(record, made),
-            rmse_degC=float(np.sqrt(np.mean((record - made) ** 2))), delta_bic=fit.bic - best.bic, part=end.part,
+            fit_pct=fits_pct[0] if len(logs) == 1 else fit_pct(record, simulation),
+            rmse_degC=float(np.sqrt(np.mean((record - simulation) ** 2))), delta_bic=fit.bic - best.bic, part=end.part,
             fits_pct=dict(zip(names, fits_pct, strict=True)) if len(logs) > 1 else {}) for end in fit.heaters)
     least_s = math.exp(min(problem.low[0] for problem in best.problems))
     checks = [*(remark for each in logs for remark in alias_remarks(each.alias)),
@@ -691,8 +691,8 @@ def outcome_of(fit: float, *, resolved: bool) -> FitOutcome:
 
 def values_of(model: Fopdt) -> dict[str, float]:
     """Return gain, time constant, dead time, ambient (nan: unknown) and gain per time constant."""
-    named = ("gain_degC_per_pct", "time_constant_s", "dead_time_s")
-    return {name: float(getattr(model, name)) for name in named} | {
+    names = ("gain_degC_per_pct", "time_constant_s", "dead_time_s")
+    return {name: float(getattr(model, name)) for name in names} | {
         "ambient_degC": math.nan if model.ambient_degC is None else model.ambient_degC,
         RATIO: model.gain_degC_per_pct / model.time_constant_s,
         PERIOD: ultimate_period_s(model),

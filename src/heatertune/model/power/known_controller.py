@@ -69,10 +69,10 @@ def replay_controller(log: Log, controller: KnownController, setpoint_degC: floa
             f"{log.name}: {scans} scans of {h:g} s are too many to run (at most {_MOST_SCANS}); use --until"
         )
     instants: Array = h * np.arange(scans, dtype=np.float64)
-    held = np.maximum(np.searchsorted(time, instants + 1e-9 * h, side="right") - 1, 0)
-    asked = np.full(scans, setpoint_degC) if log.setpoint_degC is None or setpoint_degC is not None else (
-        log.setpoint_degC[held])
-    power = controller.power_pct(np.interp(instants, time, log.temperature_degC + offset_degC), asked)
+    rows = np.maximum(np.searchsorted(time, instants + 1e-9 * h, side="right") - 1, 0)
+    setpoints_degC = np.full(scans, setpoint_degC) if log.setpoint_degC is None or setpoint_degC is not None else (
+        log.setpoint_degC[rows])
+    power = controller.power_pct(np.interp(instants, time, log.temperature_degC + offset_degC), setpoints_degC)
     return log.with_rows(power_pct=np.clip(_mean(time, instants, power), 0.0, 100.0))
 
 
@@ -92,12 +92,12 @@ def records(
     Raises:
         InputError: as `replayed`.
     """
-    kept: list[tuple[str, Log]] = []
+    replays: list[tuple[str, Log]] = []
     for controller in controllers:
         replay = replay_controller(log, controller, setpoint_degC, offset_degC)
-        if all(np.max(np.abs(_power(replay) - _power(other))) > _SAME_PCT for _, other in kept):
-            kept.append((controller.name, replay))
-    return kept
+        if all(np.max(np.abs(_power(replay) - _power(other))) > _SAME_PCT for _, other in replays):
+            replays.append((controller.name, replay))
+    return replays
 
 
 def _power(log: Log) -> Array:
@@ -124,8 +124,8 @@ def offset_degC(
     step = max(controller.resolution_degC, float(np.min(np.diff(np.unique(log.temperature_degC)))))
     tried = {}
     for share in _OFFSETS:
-        made = records(log, [controller], setpoint_degC, share * step)
-        rated = rate(made, ambient_degC=ambient_degC, power_before_pct=power_before_pct)
+        controller_records = records(log, [controller], setpoint_degC, share * step)
+        rated = rate(controller_records, ambient_degC=ambient_degC, power_before_pct=power_before_pct)
         tried[share * step] = rated[0].bic if rated else np.inf
     best = min(tried, key=lambda offset: tried[offset])
     return best if tried[best] < tried[0.0] - _NEAR else 0.0

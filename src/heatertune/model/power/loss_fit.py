@@ -130,8 +130,8 @@ class LossFit:
         low, high = ci95.low or 0.0, ci95.high or 0.0
         assert curve is not None
         levels = " and ".join(f"{level:.0f}" for level in self.levels_degC)
-        held = steady_power_pct(self.model, curve.at_degC)
-        power = f"{held:.3g} % of power hold {curve.at_degC:.0f} °C"
+        power_pct = steady_power_pct(self.model, curve.at_degC)
+        power = f"{power_pct:.3g} % of power hold {curve.at_degC:.0f} °C"
         if curve.is_radiation:
             return (f"The heat loss is a curve, known from {levels} °C: convection and radiation, "
                     f"{100.0 * self.shape:.1f} % of it radiation at {curve.at_degC:.0f} °C "
@@ -151,11 +151,11 @@ def steady_levels(problem: PowerProblem, time_constant_s: float) -> tuple[float,
         if level > 0.0 and end - begin >= _HELD * time_constant_s and len(rows):
             reached.append(float(np.median(temperature[rows[-max(len(rows) // 20, 1):]])))
     apart = _APART * float(np.ptp(temperature))
-    kept: list[float] = []
+    levels: list[float] = []
     for each in sorted(reached):
-        if not kept or each - kept[-1] > apart:
-            kept.append(each)
-    return tuple(kept)
+        if not levels or each - levels[-1] > apart:
+            levels.append(each)
+    return tuple(levels)
 
 
 def fit_loss_curves(problems: Sequence[PowerProblem], fits: Sequence[PowerFit], better_than: float) -> list[LossFit]:
@@ -171,17 +171,17 @@ def fit_loss_curves(problems: Sequence[PowerProblem], fits: Sequence[PowerFit], 
         return []
     if fits[0].linear[GAIN] <= 0.0:
         return []
-    found = []
+    loss_fits = []
     for family in _FAMILIES:
         for problem in problems:
             solution = _fit(problem, fits[0], family)
             if solution.bic < better_than - _NEAR and (fit := _described(solution, levels)) is not None:
-                found.append(fit)
-    found.sort(key=lambda fit: fit.bic)
-    kept = [fit for fit in found if fit.bic < found[0].bic + _NEAR]
-    if not kept or not all(map(_is_known, kept)):
+                loss_fits.append(fit)
+    loss_fits.sort(key=lambda fit: fit.bic)
+    near_fits = [fit for fit in loss_fits if fit.bic < loss_fits[0].bic + _NEAR]
+    if not near_fits or not all(map(_is_known, near_fits)):
         return []
-    return kept if leaves_noise(kept[0].problem.readings, kept[0].simulated_degC) else []
+    return near_fits if leaves_noise(near_fits[0].problem.readings, near_fits[0].simulated_degC) else []
 
 
 def _shortest_hold(problem: PowerProblem) -> float:

@@ -74,20 +74,20 @@ class InputCurve:
 def knots_of(problem: PowerProblem) -> Array:
     """Return the powers between which gains are identifiable: logged levels, or quantiles of many; shape (k,) [%]."""
     readings = problem.readings
-    held = np.diff(readings.edge_s, append=max(readings.time_s[-1], readings.edge_s[-1]))
-    levels = np.append(readings.level_pct[held > 0.0], problem.power_before)
+    durations_s = np.diff(readings.edge_s, append=max(readings.time_s[-1], readings.edge_s[-1]))
+    levels = np.append(readings.level_pct[durations_s > 0.0], problem.power_before)
     values = np.unique(levels)
     if len(values) > _LEVELS:
         order = np.argsort(readings.level_pct)
-        shares = np.cumsum(held[order]) / held.sum()
+        shares = np.cumsum(durations_s[order]) / durations_s.sum()
         inner = np.interp(np.linspace(0.0, 1.0, _KNOTS)[1:-1], shares, readings.level_pct[order])
         values = np.unique([values[0], *inner, values[-1]])
     apart = _APART * (values[-1] - values[0])
-    kept = [float(values[0])]
+    knots = [float(values[0])]
     for value in values[1:-1]:
-        if value - kept[-1] > apart and values[-1] - value > apart:
-            kept.append(float(value))
-    return np.array([*kept, values[-1]] if values[-1] > values[0] else kept)
+        if value - knots[-1] > apart and values[-1] - value > apart:
+            knots.append(float(value))
+    return np.array([*knots, values[-1]] if values[-1] > values[0] else knots)
 
 
 def fit_input_curve(problem: PowerProblem, near: PowerFit) -> InputCurve | None:
@@ -129,22 +129,22 @@ def _solved(problem: PowerProblem, ramps: list[PowerProblem], z: Array) -> tuple
     linear = problem.fixed
     fixed = np.where(np.isnan(linear[: len(own)]), 0.0, linear[: len(own)])
     fixed[GAIN] = 0.0
-    given = fixed @ own
+    fixed_part = fixed @ own
     free = [place for place in (AMBIENT, DRIFT, FIRST_STATE, SECOND_STATE) if math.isnan(linear[place])]
     rising = [own[GAIN], *(ramp.basis(z)[GAIN] for ramp in ramps[1:])]
     columns = np.array([*rising, *own[free]])
     gains = np.zeros(len(rising))
-    taken = np.arange(len(columns))
+    active = np.arange(len(columns))
     while True:
-        chosen = columns[taken]
-        weights, *_ = np.linalg.lstsq(chosen.T, problem.readings.temperature_degC - given, rcond=None)
-        bad = (taken < len(rising)) & (weights < 0.0)
+        chosen = columns[active]
+        weights, *_ = np.linalg.lstsq(chosen.T, problem.readings.temperature_degC - fixed_part, rcond=None)
+        bad = (active < len(rising)) & (weights < 0.0)
         if not bad.any():
             break
-        taken = np.delete(taken, np.argmin(np.where(bad, weights, 0.0)))
-    here = taken < len(rising)
-    gains[taken[here]] = weights[here]
-    return gains, given + weights @ chosen
+        active = np.delete(active, np.argmin(np.where(bad, weights, 0.0)))
+    here = active < len(rising)
+    gains[active[here]] = weights[here]
+    return gains, fixed_part + weights @ chosen
 
 
 #: indices in a vector: ln gain, ambient, first temperature, inner one above it, ln lag, ln of cooling's by warming's,
@@ -360,8 +360,8 @@ def judged_linear(plain: Way, eventful: Way) -> LinearityResult:
     tried = [(bend, way) for way in _without_loads(plain, eventful) for bend in _bends(way)]
     bend, way = min(tried, key=lambda pair: pair[0].bic, default=(None, eventful))
     others = [eventful.bic, *(each.bic for each, _ in tried)]
-    found: list[LossFit | TwoScaleFit] = [*fit_loss_curves(plain.problems, plain.fits, min(others))]
-    extended = tuple(found or fit_two_scales(plain.problems[:1], min(others)))
+    fits: list[LossFit | TwoScaleFit] = [*fit_loss_curves(plain.problems, plain.fits, min(others))]
+    extended = tuple(fits or fit_two_scales(plain.problems[:1], min(others)))
     if bend is None or not _is_better(bend, eventful):
         return LinearityResult(eventful, None, _untold(eventful), extended)
     return LinearityResult(way, bend, (), extended)
@@ -370,10 +370,10 @@ def judged_linear(plain: Way, eventful: Way) -> LinearityResult:
 def _is_better(bend: Bend, eventful: Way) -> bool:
     """Return whether a bend explains more than the linear heater with its drift, and loads apart from the edges."""
     dead = max(float(eventful.fits[0].vector[1]), bend.ends[0].model.dead_time_s)
-    kept = tuple(t for t in eventful.problems[0].loads_s if not coincides(eventful.problems[0], dead, t))
-    if kept == eventful.problems[0].loads_s:
+    loads_s = tuple(t for t in eventful.problems[0].loads_s if not coincides(eventful.problems[0], dead, t))
+    if loads_s == eventful.problems[0].loads_s:
         return bend.bic < eventful.bic - _NEAR
-    problems = [replace(problem, loads_s=kept) for problem in eventful.problems]
+    problems = [replace(problem, loads_s=loads_s) for problem in eventful.problems]
     honest = Way(*with_loads(problems, refit_all(problems, eventful.fits), edges_dead_time_s=dead))
     # a load that no bend explains as well did set in with an edge
     return bend.bic < honest.bic - _NEAR and bend.bic < eventful.bic + _NEAR

@@ -305,8 +305,8 @@ def _of_all(logs: Sequence[Log], effects: Sequence[CoolingEffect]) -> CoolingEff
 
 def _hull(intervals: Sequence[Interval | None]) -> Interval | None:
     """Return the narrowest interval that holds all, None if one of them is not known."""
-    known = [interval for interval in intervals if interval is not None]
-    return reduce(hull, known) if len(known) == len(intervals) else None
+    limits = [interval for interval in intervals if interval is not None]
+    return reduce(hull, limits) if len(limits) == len(intervals) else None
 
 
 def _as_power(effect: CoolingEffect, loss: LossEffect, fitted: FittedModel, cooled_degC: Array) -> CoolingEffect:

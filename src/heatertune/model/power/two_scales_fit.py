@@ -129,10 +129,10 @@ class _Logs:
         each = [_columns(part, z) for part in self.parts]
         free = [len(columns) - 2 for columns, _ in each]
         gains, own, explained = [], [], []
-        for place, (part, noise, (columns, given)) in enumerate(zip(self.parts, self.noise_degC, each, strict=True)):
+        for place, (part, noise, (columns, offset)) in enumerate(zip(self.parts, self.noise_degC, each, strict=True)):
             gains.append(columns[:2] / noise)
             own.append(np.pad(columns[2:] / noise, ((sum(free[:place]), sum(free[place + 1 :])), (0, 0))))
-            explained.append((part.readings.temperature_degC - given) / noise)
+            explained.append((part.readings.temperature_degC - offset) / noise)
         return np.vstack([np.hstack(gains), np.hstack(own)]), np.concatenate(explained)
 
     def left(self, z: Array) -> Array:
@@ -231,8 +231,8 @@ def _columns(problem: PowerProblem, z: Array) -> tuple[Array, Array]:
     free = [slow[AMBIENT]] if math.isnan(fixed[AMBIENT]) else []
     if math.isnan(fixed[FIRST_STATE]):
         free += [slow[FIRST_STATE], fast[FIRST_STATE]]
-    given = np.zeros(len(slow[AMBIENT])) if math.isnan(fixed[AMBIENT]) else fixed[AMBIENT] * slow[AMBIENT]
-    return np.array([slow[GAIN], fast[GAIN], *free]), given
+    offset_degC = np.zeros(len(slow[AMBIENT])) if math.isnan(fixed[AMBIENT]) else fixed[AMBIENT] * slow[AMBIENT]
+    return np.array([slow[GAIN], fast[GAIN], *free]), offset_degC
 
 
 def _weights(columns: Array, record: Array) -> Array:
@@ -297,12 +297,12 @@ def _ends(logs: _Logs, solution: _LagSolution, covariance: Array | None) -> Iter
     reach = student_t(max(sum(map(len, solution.simulations_degC)) - len(whole), 2))
     unit = np.eye(len(whole))
     rise = unit[_FAST_GAIN] / whole[_FAST_GAIN] - unit[_FAST]
-    named = {"dead time": unit[_DEAD], "rise after a step": rise, "fast lag": unit[_FAST], "slow lag": unit[_SLOW]}
-    deviations = {name: math.sqrt(max(float(way @ covariance @ way), 0.0)) for name, way in named.items()}
+    directions = {"dead time": unit[_DEAD], "rise after a step": rise, "fast lag": unit[_FAST], "slow lag": unit[_SLOW]}
+    deviations = {name: math.sqrt(max(float(way @ covariance @ way), 0.0)) for name, way in directions.items()}
     if not (reach * deviations["slow lag"] < _SLOW_KNOWN and reach * deviations["rise after a step"] < _RISE_KNOWN):
         return
     low, high = logs.bounds
-    for name, way in named.items():
+    for name, way in directions.items():
         for sign, end in ((-1.0, "low"), (1.0, "high")):
             moved = whole + sign * reach * (covariance @ way) / max(deviations[name], 1e-300)
             moved[:_SEARCHED] = np.clip(moved[:_SEARCHED], low, high)

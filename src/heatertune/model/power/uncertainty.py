@@ -158,9 +158,9 @@ def intervals_by(
         by_profile = _profile(problem, fit, name, noise, times)
         return envelope(hull(by_draws, by_profile), [value_of(reported, name)])
 
-    wanted = {(name, times.get(name, 1.0)) for times in factors for name in drawn}
-    known = {each: interval_of(*each) for each in wanted}
-    wide = [{name: known[name, times.get(name, 1.0)] for name in drawn} for times in factors]
+    pairs = {(name, times.get(name, 1.0)) for times in factors for name in drawn}
+    cache = {each: interval_of(*each) for each in pairs}
+    wide = [{name: cache[name, times.get(name, 1.0)] for name in drawn} for times in factors]
     return [_capped(_beyond(intervals, reported), problem) for intervals in wide]
 
 
@@ -264,8 +264,8 @@ def _unseen(triangle: Array, weights: Mapping[str, Array]) -> frozenset[str]:
 def sensitivities(problem: PowerProblem, fit: PowerFit) -> tuple[Array, list[str]]:
     """Return the derivative of the temperature by each unknown, shape (m, p), and the unknowns' names."""
     free = np.flatnonzero(np.isnan(problem.fixed))
-    called = {GAIN: "gain_degC_per_pct", AMBIENT: "ambient_degC"}
-    names = [called.get(int(i), str(i)) for i in free]
+    column_names = {GAIN: "gain_degC_per_pct", AMBIENT: "ambient_degC"}
+    names = [column_names.get(int(i), str(i)) for i in free]
     basis = [problem.basis(fit.vector)[i] for i in free]
     for k, name in enumerate(("time_constant_s", "dead_time_s", "lag_ratio")):
         if problem.high[k] == problem.low[k]:
@@ -290,14 +290,14 @@ def colour(residuals: Array, base: Array) -> tuple[float, float]:
         base: orthonormal basis of what the fit can follow, shape (m, p).
     """
     m = len(residuals)
-    seen = float(np.clip(autocorrelation(residuals, 1)[0], 0.0, 0.99))
+    lag_one = float(np.clip(autocorrelation(residuals, 1)[0], 0.0, 0.99))
     tried = np.array([0.0, 0.2, 0.4, 0.6, 0.7, 0.8, 0.85, 0.9, 0.93, 0.95, 0.97, 0.98, 0.99])
     mixed = ar1_weighted(base.T, tried[:, None, None])  # (tried, p, m)
     inner = mixed @ base
     left = m - np.trace(inner, axis1=1, axis2=2)
-    beside = (m - 1) * tried - np.sum(base[:-1].T * mixed[:, :, 1:] + base[1:].T * mixed[:, :, :-1], axis=(1, 2))
-    looks = (beside + np.sum(inner * (base[:-1].T @ base[1:]), axis=(1, 2))) / left
-    rho = float(np.interp(seen, np.maximum.accumulate(looks), tried))
+    numerator = (m - 1) * tried - np.sum(base[:-1].T * mixed[:, :, 1:] + base[1:].T * mixed[:, :, :-1], axis=(1, 2))
+    looks = (numerator + np.sum(inner * (base[:-1].T @ base[1:]), axis=(1, 2))) / left
+    rho = float(np.interp(lag_one, np.maximum.accumulate(looks), tried))
     return rho, float(residuals @ residuals) / float(np.interp(rho, tried, left))
 
 
@@ -368,15 +368,15 @@ def _hold(problem: PowerProblem, fit: PowerFit, name: str, values: Array) -> tup
         return vectors, None, cost
     z = np.tile(fit.vector, (len(values), 1))
     records = problem.readings.temperature_degC[None, :]
-    held = {"time_constant_s": 0, "dead_time_s": 1}.get(name)
-    if held is not None:
-        z[:, held] = np.log(values) if held == 0 else values
+    parameter_index = {"time_constant_s": 0, "dead_time_s": 1}.get(name)
+    if parameter_index is not None:
+        z[:, parameter_index] = np.log(values) if parameter_index == 0 else values
 
-    given = problem.nothing_more(len(values))
-    if held is None:
-        given.values[:, AMBIENT if name == "ambient_degC" else GAIN] = values
-    fixed = replace(given, gain_per_lag=name == RATIO)
-    z = problem.minimum(z, records, fixed, fixed_index=held, iterations=12)
+    unknowns = problem.nothing_more(len(values))
+    if parameter_index is None:
+        unknowns.values[:, AMBIENT if name == "ambient_degC" else GAIN] = values
+    fixed = replace(unknowns, gain_per_lag=name == RATIO)
+    z = problem.minimum(z, records, fixed, fixed_index=parameter_index, iterations=12)
     return z, fixed, problem.cost(z, records, fixed)
 
 
@@ -505,11 +505,11 @@ def halves_of(log: Log, halves: tuple[Half, Half], *, law: str) -> Iterator[Cand
 
 def distinct_candidates(candidates: Sequence[Candidate], least_dead_time_s: float) -> tuple[Candidate, ...]:
     """Return the candidates without the ends that differ from another one by less than 3 % in every number."""
-    kept = [candidate for candidate in candidates if not candidate.part]
+    distinct = [candidate for candidate in candidates if not candidate.part]
     for candidate in candidates:
-        if candidate.part and not any(_alike(candidate.model, other.model, least_dead_time_s) for other in kept):
-            kept.append(candidate)
-    return tuple(kept)
+        if candidate.part and not any(_alike(candidate.model, other.model, least_dead_time_s) for other in distinct):
+            distinct.append(candidate)
+    return tuple(distinct)
 
 
 def _alike(first: HeaterModel, second: HeaterModel, least_dead_time_s: float) -> bool:

@@ -337,7 +337,7 @@ def regulation_remarks(log: Log, rmse_degC: float) -> Iterator[Remark]:
 
 
 def _restart_note(log: Log) -> str:
-    """Return what to do about the deepest fall in a log without power, if a temperature was held before it.
+    """Return the advice about the deepest fall in a log without power, if a temperature was held before it.
 
     A part after the fall does not begin at the temperature of the room, so it is no way out.
     """
@@ -454,8 +454,8 @@ def switching_guess(log: Log, *, is_stated: bool) -> SwitchingGuess:
     rest = end_of_rest(log)
     if is_stated and is_on and rest is not None and rest < rows[0]:
         is_on, instants, rows = False, [float(log.time_s[rest]), *instants], [rest, *rows]
-    kept = [i for i, instant in enumerate(instants) if i == 0 or instant > instants[i - 1]]
-    return SwitchingGuess(np.array(instants)[kept], tuple(rows), is_on) if len(kept) == len(instants) else (
+    in_order = [i for i, instant in enumerate(instants) if i == 0 or instant > instants[i - 1]]
+    return SwitchingGuess(np.array(instants)[in_order], tuple(rows), is_on) if len(in_order) == len(instants) else (
         SwitchingGuess(time[inner], tuple(rows), is_on))
 
 
@@ -603,15 +603,15 @@ class Thermostat:
         """
         if numbers is None:
             return None
-        given = (numbers,) if isinstance(numbers, int | float) else tuple(numbers)
-        if not 2 <= len(given) <= 4:
-            raise OutOfRange("thermostat", given, "LOW HIGH, or LOW HIGH MINIMUM-ON MINIMUM-OFF")
-        if given[0] > given[1]:
-            raise OutOfRange("thermostat", given[0], f"<= its high threshold, {given[1]:g}")
-        if min((0.0, *given[2:])) < 0.0:
-            raise OutOfRange("thermostat", min(given[2:]), ">= 0: a minimum time [s]")
-        return cls(low_degC=given[0], high_degC=given[1], least_on_s=given[2] if len(given) > 2 else 0.0,
-                   least_off_s=given[3] if len(given) > 3 else 0.0)
+        entries = (numbers,) if isinstance(numbers, int | float) else tuple(numbers)
+        if not 2 <= len(entries) <= 4:
+            raise OutOfRange("thermostat", entries, "LOW HIGH, or LOW HIGH MINIMUM-ON MINIMUM-OFF")
+        if entries[0] > entries[1]:
+            raise OutOfRange("thermostat", entries[0], f"<= its high threshold, {entries[1]:g}")
+        if min((0.0, *entries[2:])) < 0.0:
+            raise OutOfRange("thermostat", min(entries[2:]), ">= 0: a minimum time [s]")
+        return cls(low_degC=entries[0], high_degC=entries[1], least_on_s=entries[2] if len(entries) > 2 else 0.0,
+                   least_off_s=entries[3] if len(entries) > 3 else 0.0)
 
     def crossings(self, log: Log) -> SwitchingGuess:
         """Return where the readings reach the thresholds in turn: it switches there, or later by a minimum time."""

@@ -63,10 +63,10 @@ def event_notes(best: Fit) -> Iterable[str]:
 def lost_notes(names: Sequence[str], lost: Iterable[str], ranges: Mapping[str, Interval]) -> Iterable[str]:
     """Report unidentified parameters and their ranges."""
     for name in lost:
-        _, called, unit = NOMENCLATURE[name]
+        _, title, unit = NOMENCLATURE[name]
         low, high = ("the bound of the search" if end is None else f"{end:.3g} {unit}"
                      for end in (ranges[name].low, ranges[name].high))
-        sentence = f"The {called} is not identified: anything from {low} to {high} explains {' and '.join(names)}"
+        sentence = f"The {title} is not identified: anything from {low} to {high} explains {' and '.join(names)}"
         yield f"{sentence} nearly as well."
 
 
@@ -229,24 +229,24 @@ def fit_temperature(
     singles = [_single(log, laws, bounds, largest_power_pct) for log, bounds in zip(used, sought, strict=True)]
     alone = [fit_all(hypotheses, seed=seed, thorough=thorough and len(used) == 1) for hypotheses in singles]
     ranked = alone[0] if len(used) == 1 else fit_all(_joint(alone, largest_power_pct), seed=seed)
-    kept = _near_fits(ranked)
-    ranges = _ranges(_best(kept), kept, seed, ambient_degC)
-    claimed = _intervals(_best(kept), kept, ranges, ambient_degC)
+    near_fits = _near_fits(ranked)
+    ranges = _ranges(_best(near_fits), near_fits, seed, ambient_degC)
+    claimed = _intervals(_best(near_fits), near_fits, ranges, ambient_degC)
     if (claimed["time_constant_s"] or claimed["dead_time_s"]) and any(log.output_limit_pct is None for log in used):
         ranked = ranked if thorough or len(used) > 1 else fit_all(singles[0], seed=seed, thorough=True)
         rivals = rival_fits(ranked, seed)
         ranked = sorted([*ranked, *rivals], key=lambda fit: fit.bic)
-        kept = _with_rivals(ranked, rivals)
-        ranges = _ranges(_best(kept), [*kept, *rivals], seed, ambient_degC)
-    best = _best(kept)
-    law, against = list(_law_remarks(best, logs)), list(_contradictions(best, kept))
+        near_fits = _with_rivals(ranked, rivals)
+        ranges = _ranges(_best(near_fits), [*near_fits, *rivals], seed, ambient_degC)
+    best = _best(near_fits)
+    law, against = list(_law_remarks(best, logs)), list(_contradictions(best, near_fits))
     power = [] if law else list(_power_remarks(used, ranges, largest_power_pct))
-    ci95 = dict.fromkeys(FIELDS) if law or against else _intervals(best, kept, ranges, ambient_degC)
+    ci95 = dict.fromkeys(FIELDS) if law or against else _intervals(best, near_fits, ranges, ambient_degC)
     plant = best.hypothesis.plant(best.vector)
     values = {name: measure(plant) for name, measure in COMBINATIONS.items()}
     notes += (joint_note(best, ranked, alone),) if len(used) > 1 else ()
-    near = [best, *(fit for fit in kept if fit.bic - ranked[0].bic <= _NEAR and fit is not best)]
-    doubts = [*law, *against, *power, *limit_remarks(kept), *foretelling_remarks(best), *share_remarks(near)]
+    near = [best, *(fit for fit in near_fits if fit.bic - ranked[0].bic <= _NEAR and fit is not best)]
+    doubts = [*law, *against, *power, *limit_remarks(near_fits), *foretelling_remarks(best), *share_remarks(near)]
     first, simulated = used[0], best.hypothesis.parts(best.simulated_degC)[0]
     outcome = FitOutcome.LAW_UNKNOWN if law else _outcome(best.fit_pct, ci95)
     names = " and ".join(log.name for log in used)
@@ -258,7 +258,7 @@ def fit_temperature(
         ci95=ci95,
         combinations={} if law else {
             name: (value, ranges[name]) for name, value in values.items() if np.isfinite(value)},
-        candidates=tuple(_candidate(fit, ranked[0].bic) for fit in kept),
+        candidates=tuple(_candidate(fit, ranked[0].bic) for fit in near_fits),
         hypotheses=tuple(_candidate(fit, ranked[0].bic) for fit in ranked),
         fit_pct=best.fit_pct,
         notes=(*notes, *_notes(best, ranked, ranges, ci95, ambient_degC), *(remark.sentence for remark in doubts)),
@@ -293,9 +293,9 @@ def _joint(alone: Sequence[Sequence[Fit]], largest_power_pct: float | None) -> l
     segments = []
     for ranked in alone:
         still = min((fit.bic for fit in ranked if not fit.hypothesis.segments[0].event), default=np.inf)
-        asked = still > ranked[0].bic + _NEAR
+        needs_event = still > ranked[0].bic + _NEAR
         near = [fit.hypothesis.segments[0] for fit in ranked if fit.bic <= ranked[0].bic + _NEAR]
-        fitting = {s.law.name: replace(s, event=asked) for s in near if s.event or not asked}
+        fitting = {s.law.name: replace(s, event=needs_event) for s in near if s.event or not needs_event}
         segments.append(list(fitting.values())[:_MOST_LAWS])
     return [Hypothesis(segments=chosen, two_lags=two, largest_power_pct=largest_power_pct)
             for chosen in product(*segments) for two in (False, True)]
@@ -465,11 +465,11 @@ def _notes(
     ambient_degC: Bounds | None,
 ) -> tuple[str, ...]:
     hypothesis = best.hypothesis
-    given = ambient_degC is not None and ambient_degC[0] == ambient_degC[1]
-    told = {"ambient_degC"} if given else set()
+    has_fixed_ambient = ambient_degC is not None and ambient_degC[0] == ambient_degC[1]
+    exempt = {"ambient_degC"} if has_fixed_ambient else set()
     if hypothesis.largest_power_pct is None:
-        told |= {name for name in PROPORTIONAL_TO_GAIN if ranges[name].high is None}
-    lost = [name for name, limits in ci95.items() if limits is None and name not in told]
+        exempt |= {name for name in PROPORTIONAL_TO_GAIN if ranges[name].high is None}
+    lost = [name for name, limits in ci95.items() if limits is None and name not in exempt]
     names = [segment.log.name for segment in hypothesis.segments]
     notes = [_no_power([segment.log for segment in hypothesis.segments]).sentence, *event_notes(best),
              *lost_notes(names, lost, ranges),

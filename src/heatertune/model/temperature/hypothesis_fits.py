@@ -88,10 +88,10 @@ def fit_all(hypotheses: Sequence[Hypothesis], *, seed: int = 1, thorough: bool =
     behind = np.inf if thorough else _HOPELESS
     forms = {hypothesis.form: hypothesis for hypothesis in hypotheses}
     with ThreadPoolExecutor(max_workers=2) as pool:
-        begun = dict(zip(forms, pool.map(lambda form: _begin(forms[form], seed), forms), strict=True))
-        first = min(beginning.bic for beginning in begun.values())
-        able = [h for h in hypotheses if begun[h.form].bic < first + behind]
-        raced = list(pool.map(lambda hypothesis: _race(hypothesis, begun[hypothesis.form], seed), able))
+        beginnings = dict(zip(forms, pool.map(lambda form: _begin(forms[form], seed), forms), strict=True))
+        first = min(beginning.bic for beginning in beginnings.values())
+        able = [h for h in hypotheses if beginnings[h.form].bic < first + behind]
+        raced = list(pool.map(lambda hypothesis: _race(hypothesis, beginnings[hypothesis.form], seed), able))
         leader = min(fit.bic for fit in raced)
         near = [fit.bic < leader + behind for fit in raced]
         fits = list(pool.map(lambda fit, worth: _descend(fit) if worth else fit, raced, near))
@@ -139,9 +139,9 @@ def _able(hypothesis: Hypothesis, z: Array, n: int) -> Array:
 
     Sums of squares only grow: a vector with more at the start than n others have in total is excluded.
     """
-    begun = hypothesis.squares(z, EARLY)
-    most = float(hypothesis.squares(z[np.argsort(begun, kind="stable")[:n]]).max())
-    return np.asarray(z[begun <= most * (1.0 + _ROUNDING)])
+    early_squares = hypothesis.squares(z, EARLY)
+    most = float(hypothesis.squares(z[np.argsort(early_squares, kind="stable")[:n]]).max())
+    return np.asarray(z[early_squares <= most * (1.0 + _ROUNDING)])
 
 
 def local_optima(hypothesis: Hypothesis, starts: Array, iterations: int) -> Array:
@@ -202,8 +202,8 @@ def cross_rmse(hypothesis: Hypothesis, vector: Array) -> float:
 
 def _later(hypothesis: Hypothesis, early: Hypothesis, values: Array) -> list[Array]:
     """Return each log's part of the values after its beginning."""
-    seen = [len(segment.log.time_s) for segment in early.segments]
-    return [part[n:] for part, n in zip(hypothesis.parts(values), seen, strict=True)]
+    early_lengths = [len(segment.log.time_s) for segment in early.segments]
+    return [part[n:] for part, n in zip(hypothesis.parts(values), early_lengths, strict=True)]
 
 
 def _rms(error: Array) -> float:

@@ -114,8 +114,8 @@ class SwitchingSolution(NamedTuple):
     @property
     def ambient_degC(self) -> float:
         """Temperature without power [°C]."""
-        known = self.problem.ambient_degC
-        return float(self.linear[-1]) if known is None else known
+        fixed_degC = self.problem.ambient_degC
+        return float(self.linear[-1]) if fixed_degC is None else fixed_degC
 
     def temperature_degC(self, time_s: Array) -> Array:
         """Return the simulated temperature at instants of shape (n,) [°C], shape (n,)."""
@@ -309,10 +309,10 @@ def _fit(
     if len(log.time_s) < _ROWS * len(instants):
         return None
     every = -(-len(log.time_s) // _MOST_READINGS)
-    known = None if ambient_degC is None or ambient_degC[0] < ambient_degC[1] else ambient_degC[0]
-    problem = _SwitchingProblem(log.time_s[::every], log.temperature_degC[::every], is_on, known, levels=levels)
+    fixed_degC = None if ambient_degC is None or ambient_degC[0] < ambient_degC[1] else ambient_degC[0]
+    problem = _SwitchingProblem(log.time_s[::every], log.temperature_degC[::every], is_on, fixed_degC, levels=levels)
     solved = _solved(problem, instants)
-    if ambient_degC is not None and known is None and solved and not (
+    if ambient_degC is not None and fixed_degC is None and solved and not (
             ambient_degC[0] <= solved[0].ambient_degC <= ambient_degC[1]):
         end = min(max(solved[0].ambient_degC, ambient_degC[0]), ambient_degC[1])
         solved = _solved(problem._replace(ambient_degC=end), instants)
@@ -320,10 +320,10 @@ def _fit(
         return None
     profiles = [_profiles(each) for each in solved if each.bic - solved[0].bic <= _NEAR]
     near = [each for each in solved if each.bic - solved[0].bic <= _NEAR]
-    family = [each for found, _ in profiles for each in found]
-    if known is None:  # no room is as cold or as hot as that
-        near, family = [[each for each in kept if _COLDEST < each.ambient_degC < float(log.temperature_degC.max())]
-                        for kept in (near, family)]
+    family = [each for solutions, _ in profiles for each in solutions]
+    if fixed_degC is None:  # no room is as cold or as hot as that
+        near, family = [[each for each in group if _COLDEST < each.ambient_degC < float(log.temperature_degC.max())]
+                        for group in (near, family)]
         near = near or sorted(family, key=lambda entry: entry.cost)[:1]
     if not near:
         return None
@@ -466,7 +466,7 @@ def _solved(problem: _SwitchingProblem, instants: Array) -> list[SwitchingSoluti
     length = float(np.ptp(problem.time_s))
     period = 2.0 * float(np.median(np.diff(instants))) if len(instants) > _ONCE else 0.2 * length
     lags = np.geomspace(0.2 * period, max(1.5 * length, 2.0 * period), _STARTS)
-    found = list[SwitchingSolution]()
+    solutions = list[SwitchingSolution]()
     for ratios in ((0.0,), _RATIOS):
         starts = [SwitchingSolution(math.log(lag), ratio, instants, np.empty(0), np.empty(0), problem)
                   for lag in lags for ratio in ratios]
@@ -477,8 +477,8 @@ def _solved(problem: _SwitchingProblem, instants: Array) -> list[SwitchingSoluti
             again = [_descend(best._replace(lag=best.lag + by, ratio=ratio), _TRIES)
                      for by in (-0.5, 0.0, 0.5) for ratio in _RATIOS]
             best = min((best, *(_descend(each, _ITERATIONS) for each in again)), key=lambda entry: entry.cost)
-        found += _with_mains(best)
-    return sorted((each for each in found if min(each.gains) > 0.0), key=lambda entry: entry.bic)
+        solutions += _with_mains(best)
+    return sorted((each for each in solutions if min(each.gains) > 0.0), key=lambda entry: entry.bic)
 
 
 def _with_start(best: SwitchingSolution) -> SwitchingSolution:
@@ -561,16 +561,16 @@ def _profiles(best: SwitchingSolution) -> tuple[list[SwitchingSolution], Array]:
     width = basis.shape[1]
     spread = np.sqrt(np.maximum(np.diag(inverse), 0.0) * variance)
     # of the gain with the time constant held: the profile moves that
-    held = np.linalg.pinv(np.delete(jacobian, width, axis=1).T @ np.delete(jacobian, width, axis=1))
-    gain, ambient = quantile * np.sqrt(np.maximum(np.diag(held)[[0, width - 1]] * variance, 0.0))
-    found = list[SwitchingSolution]()
+    projection = np.linalg.pinv(np.delete(jacobian, width, axis=1).T @ np.delete(jacobian, width, axis=1))
+    gain, ambient = quantile * np.sqrt(np.maximum(np.diag(projection)[[0, width - 1]] * variance, 0.0))
+    solutions = list[SwitchingSolution]()
     for number, hold in enumerate(("lag", "ratio")[: 1 + (best.ratio > 0.0)]):
         deviation = float(np.clip(spread[width + number], 1e-4, 0.5))
         for side in (-1.0, 1.0):
-            found += _side(best, hold, side * deviation, limit)
-    return found, np.array([gain / abs(float(best.linear[0])),
-                            ambient if best.problem.ambient_degC is None else 0.0,
-                            quantile * float(np.median(spread[-len(best.instants):]))])
+            solutions += _side(best, hold, side * deviation, limit)
+    return solutions, np.array([gain / abs(float(best.linear[0])),
+                                ambient if best.problem.ambient_degC is None else 0.0,
+                                quantile * float(np.median(spread[-len(best.instants):]))])
 
 
 def _repeats(best: SwitchingSolution) -> float:

@@ -64,15 +64,15 @@ def _thresholds(fit: TwoLevelFit) -> Thresholds | None:
     begin, row = float(best.problem.time_s[0]), float(np.median(np.diff(fit.log.time_s)))
     first = 0 if best.problem.is_on else 1
     offs, ons = best.instants[first::2], best.instants[first + 1 :: 2]
-    margin, found = reading_margin_degC(fit.log) + fit.rmse_degC, None
+    margin, thresholds = reading_margin_degC(fit.log) + fit.rmse_degC, None
     for late in np.linspace(0.0, _longest_dead_time(best, float(np.ptp(best.instants))), _DELAYS):
-        kept = [turns[turns - late - row > begin] - late for turns in (ons, offs)]
-        if not all(map(len, kept)):
+        instants = [turns[turns - late - row > begin] - late for turns in (ons, offs)]
+        if not all(map(len, instants)):
             break
         inside = Thresholds.between(*(threshold_between(
-            best.temperature_degC(turns - row), best.temperature_degC(turns), margin) for turns in kept))
-        found = inside if found is None else found.or_of(inside)
-    return found
+            best.temperature_degC(turns - row), best.temperature_degC(turns), margin) for turns in instants))
+        thresholds = inside if thresholds is None else thresholds.or_of(inside)
+    return thresholds
 
 
 def _by_rows(solution: SwitchingSolution, fit: TwoLevelFit) -> _DeadTimes:
@@ -299,8 +299,8 @@ def _notes(fit: TwoLevelFit, dead: _DeadTimes, thresholds: Thresholds | None) ->
     yield (f"The power was not logged; {log.name} is two-level control: {count} switchings between full power and none "
            "were fitted together with the heater.")
     if fit.thermostat is None:
-        found = "not in the log" if thresholds is None else f"known by the curve alone, {thresholds.summary}"
-        yield (f"Its thresholds are {found}; the dead time may be {dead.low:.3g} to {dead.high:.3g} s. If you know at "
+        state = "not in the log" if thresholds is None else f"known by the curve alone, {thresholds.summary}"
+        yield (f"Its thresholds are {state}; the dead time may be {dead.low:.3g} to {dead.high:.3g} s. If you know at "
                "which temperatures the thermostat switches, state them: --thermostat LOW HIGH, with its minimum on and "
                "off times if it has any.")
     else:

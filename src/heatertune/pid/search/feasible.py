@@ -449,8 +449,8 @@ class NonlinearProgram:
             raise InputError(f"{field} holds {value!r}; it must be an expression of this program's symbols, a casadi.SX"
                              ) from None
         own = ca.symvar(self.unknowns)
-        known = {symbol.element_hash() for symbol in own}  # another program's symbols bear the same names
-        if free := [symbol.name() for symbol in ca.symvar(expression) if symbol.element_hash() not in known]:
+        hashes = {symbol.element_hash() for symbol in own}  # another program's symbols bear the same names
+        if free := [symbol.name() for symbol in ca.symvar(expression) if symbol.element_hash() not in hashes]:
             raise InputError(f"{field} holds the symbol {', '.join(free)}, which is not one of this program's: "
                              f"{', '.join(symbol.name() for symbol in own)}")
         return expression if field == "cost" else _not_negative(ca, expression, value)
@@ -643,12 +643,12 @@ def _distances(ca: Any, plant: SampledPlant, settings: Any, omega: Any, problem:
         return (start + real) ** 2 + imaginary**2
 
     distance = size(1.0, g)
-    kept = [distance - 1.0 / problem.ms**2]
+    distances = [distance - 1.0 / problem.ms**2]
     if math.isfinite(problem.mt):
-        kept.append(distance - size(0.0, g) / problem.mt**2)
+        distances.append(distance - size(0.0, g) / problem.mt**2)
     if math.isfinite(problem.mks):
-        kept.append(distance - size(0.0, np.ones_like(g)) / problem.mks**2)
-    return ca.vertcat(*kept)
+        distances.append(distance - size(0.0, np.ones_like(g)) / problem.mks**2)
+    return ca.vertcat(*distances)
 
 
 def on_the_limit(problem: Problem, design: PidDesign) -> PidDesign:

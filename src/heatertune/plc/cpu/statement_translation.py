@@ -89,7 +89,7 @@ class Translation(ABC):
         """
 
     def first(self, text: Sequence[str]) -> list[str]:  # noqa: ARG002 - a CPU's own looks at it
-        """Return what stands before the statements, whose text is told."""
+        """Return the lines before the statements, whose text is given."""
         return []
 
     def run(self) -> Run:

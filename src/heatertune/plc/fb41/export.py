@@ -88,7 +88,7 @@ def _values(words: Mapping[str, int]) -> dict[str, Number]:
 
 
 def loaders(files: Mapping[str, str | bytes], assume: ContCAssumptions) -> dict[str, Callable[[], ExportedContC]]:
-    """Return what loads the source."""
+    """Return the function that loads the source."""
     return {_FILE: lambda: ExportedContC(str(files[_FILE]), assume)}
 
 
@@ -105,13 +105,13 @@ def from_image(image: bytes, _sample_time_s: float, source: str) -> dict[str, Nu
 
 
 def oddities(words: Words) -> tuple[str, ...]:
-    """Return what is odd about a controller's words, one sentence each."""
-    v, called = words.values, 1000.0 * words.sample_time_s
+    """Return the oddities of a controller's words, one sentence each."""
+    v, call_ms = words.values, 1000.0 * words.sample_time_s
     half = v["CYCLE"] / 2.0
     checks = [
-        (abs(v["CYCLE"] - called) > _WRONG_CLOCK * called,
-         f"CYCLE is {v['CYCLE']} ms, but the block is called every {called:g} ms: all times are "
-         f"{called / v['CYCLE']:.3g} times what the words say."),
+        (abs(v["CYCLE"] - call_ms) > _WRONG_CLOCK * call_ms,
+         f"CYCLE is {v['CYCLE']} ms, but the block is called every {call_ms:g} ms: all times are "
+         f"{call_ms / v['CYCLE']:.3g} times what the words say."),
         (not v["PVPER_ON"], "PVPER_ON is 0: the reading is PV_IN, taken to be in °C; if it has another unit, write "
          "PVPER_ON := TRUE, PV_FAC := its units per percent of --range, PV_OFF := its value at the lower end."),
         (v["MAN_ON"], "MAN_ON is 1: the controller is in manual, LMN is MAN."),
@@ -193,13 +193,13 @@ def source(words: Words, by: str) -> str:
 
 def _source(words: Words, certificate: Certificate, switch: PwmSource) -> str:
     low, factor = words.values["PV_OFF"], words.values["PV_FAC"]
-    asked = "SP in degC" if words.ramp is None else (
+    setpoint_text = "SP in degC" if words.ramp is None else (
         f"SP = {FULL_SCALE}/100 * (degC {0.0 - low:+g})/{factor:g}, {whole_number(words)}: OB 35 leads SP_INT there"
     )
     library = "FB 41 must be in the program" if switch.by != PULSEGEN else "FB 41 and FB 43 must be in the program"
     head = awl.head(
         "instance of CONT_C (FB 41; on a CPU 31xC write SFB 41 for FB 41)", words, certificate,
-        f"PV = PV_PER * 100/{FULL_SCALE} * {factor:g} + {low:g}, in degC; {asked}",
+        f"PV = PV_PER * 100/{FULL_SCALE} * {factor:g} + {low:g}, in degC; {setpoint_text}",
         *by_hand(words, certificate, switch, f"{library}: Standard Library, PID Control Blocks"),
     )
     program = _program(words, certificate, switch)
@@ -225,10 +225,10 @@ def _program(words: Words, certificate: Certificate, switch: PwmSource) -> Block
 def _setpoint(words: Words, certificate: Certificate) -> BlockMember:
     """Return the setpoint as the proof had it: an analog value, which a ramp takes as it is, and the block in °C."""
     low, proven = words.scaling.low_degC, certificate.setpoint_degC
-    asked = counts_of(words, low if proven is None else proven)
+    counts = counts_of(words, low if proven is None else proven)
     if words.ramp is not None:
-        return BlockMember("SP", "INT", asked, f"setpoint, yours: 0..{FULL_SCALE}")
-    share = quotient(real(asked * 100.0)[0], FULL_SCALE)[0]
+        return BlockMember("SP", "INT", counts, f"setpoint, yours: 0..{FULL_SCALE}")
+    share = quotient(real(counts * 100.0)[0], FULL_SCALE)[0]
     scaled = real(real(share * words.values["PV_FAC"])[0] + words.values["PV_OFF"])[0]
     return BlockMember("SP", "REAL", scaled, "setpoint, yours: degC")
 
@@ -288,9 +288,9 @@ def from_text(text: str, sample_time_s: float | None, origin: str) -> ReadBack:
     """
     if _DATA_BLOCK.search(text):
         return read_source(text, FIELDS, origin, source)
-    asked, collected = PastedNames(FIELDS, {"Kp": "GAIN"}, _SECONDS, block="CONT_C"), WordCollector(origin, FIELDS)
+    vocabulary, collected = PastedNames(FIELDS, {"Kp": "GAIN"}, _SECONDS, block="CONT_C"), WordCollector(origin, FIELDS)
     plain = blank_matches(_COMMENT, text)
-    put_pasted(collected, plain, asked, _NEEDED, origin)
+    put_pasted(collected, plain, vocabulary, _NEEDED, origin)
     for name, is_open in (("D_SEL", "TD" in collected), ("PVPER_ON", _PERIPHERY.search(plain) is not None)):
         if is_open and name not in collected:
             raise InputError(f"{origin}: no {name}; expected a line {name} := TRUE or {name} := FALSE")
@@ -298,7 +298,7 @@ def from_text(text: str, sample_time_s: float | None, origin: str) -> ReadBack:
         collected.assume({"CYCLE": round(1000.0 * sample_time_s)})
     assumed = tuple(f"{each} (automatic mode; the block's own default is TRUE)" if each.startswith("MAN_ON") else each
                     for each in collected.assume(DEFAULTS, _IDLE))
-    return ReadBack(collected.values(), unread_lines(plain, asked), assumed=assumed)
+    return ReadBack(collected.values(), unread_lines(plain, vocabulary), assumed=assumed)
 
 
 def premises(words: Words) -> tuple[str, ...]:

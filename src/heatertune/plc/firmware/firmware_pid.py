@@ -126,8 +126,8 @@ def _values(make: FirmwarePid, design: PidDesign, _scaling: Scaling) -> dict[str
     exact = (kp, 0.0 if math.isinf(tn) else kp / tn, kp * design.derivative_time_s)
     remedy = () if make.gains[0].places is None else ("a design of a faster heater would fit",)
     gains = {each.name: round_to_word(each, value, *remedy) for each, value in zip(make.gains, exact, strict=True)}
-    held = {} if make.interval is None else {make.interval[0]: round(design.sample_time_s / make.interval[1])}
-    return {**gains, **make.usual, **held}
+    interval_word = {} if make.interval is None else {make.interval[0]: round(design.sample_time_s / make.interval[1])}
+    return {**gains, **make.usual, **interval_word}
 
 
 def _design(make: FirmwarePid, words: Words) -> PidDesign | None:
@@ -167,12 +167,12 @@ def _interval_s(make: FirmwarePid, values: Values) -> float:
 
 
 def _oddities(make: FirmwarePid, words: Words) -> tuple[str, ...]:
-    """Return what is odd about the words of a firmware that runs, one sentence each."""
+    """Return the oddities of the words of a running firmware, one sentence each."""
     (kp, ki, _), values = (each.name for each in make.gains), words.values
-    found = [f"{kp} is 0: there is no proportional part."] if values[kp] == 0.0 else []
+    remarks = [f"{kp} is 0: there is no proportional part."] if values[kp] == 0.0 else []
     if values[ki] == 0.0:
-        found.append(f"{ki} is 0: there is no integral part, and an offset remains.")
-    return (*found, *make.oddities(values))
+        remarks.append(f"{ki} is 0: there is no integral part, and an offset remains.")
+    return (*remarks, *make.oddities(values))
 
 
 def _begin(make: FirmwarePid, _self: Controller, words: Words, assume: Any) -> ControllerState:
@@ -189,7 +189,7 @@ def _entries(make: FirmwarePid, words: Words, _setpoint_degC: float | None, _uni
 
 
 def _loads(make: FirmwarePid, files: Mapping[str, str | bytes], _assume: Any) -> Loads:
-    """Return what reads the settings in each file."""
+    """Return the functions that read the settings in each file."""
     return {name: partial(settings, str(files[name])) for name, settings in make.settings_in.items()}
 
 

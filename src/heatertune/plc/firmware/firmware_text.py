@@ -118,10 +118,10 @@ def window_of(words: Words, certificate: Certificate) -> PwmWindow:
         period = max(1, round(1000.0 * words.sample_time_s))
         return PwmWindow(period, max(1, period // 100), 0, 0, "no switch is told: the window is TA")
     period, step, on, off = (round(1000.0 * time) for time in switch.numbers[:4])
-    told = f"window of {period} ms, pulses in steps of {max(1, step)} ms"
+    description = f"window of {period} ms, pulses in steps of {max(1, step)} ms"
     if switch.numbers[4]:
-        told += f"; {_MAKES_UP}"
-    return PwmWindow(max(1, period), max(1, step), on, off, told)
+        description += f"; {_MAKES_UP}"
+    return PwmWindow(max(1, period), max(1, step), on, off, description)
 
 
 def settings_of(

@@ -196,7 +196,7 @@ setpoint_entry: Final = partial(entered_setpoint, COUNTS)
 def loaders(
     files: Mapping[str, str | bytes], assume: IecPidAssumptions
 ) -> dict[str, Callable[[], ExportedProgram | None]]:
-    """Return what loads each file, for a system whose TIME_TO_REAL is as assumed."""
+    """Return the functions that load each file, for a system whose TIME_TO_REAL is as assumed."""
     text, gives = str(files[TEXT]), partial(time_to_real, unit=assume.time_unit)
     return {TEXT: lambda: ExportedProgram(TextProgram(units(text), {}, gives)),
             PROJECT: lambda: check_project(str(files[PROJECT]), text, TEXT)}

@@ -60,9 +60,9 @@ _MOST_CALLS: Final = 100_000
 def faults(words: Words) -> tuple[str, ...]:
     """Return the faults that these words bring out, one sentence each, with what was run."""
     b = block_of(words.values, StandardPidAssumptions())
-    return tuple(told for told in (
+    return tuple(message for message in (
         _sign(b), _by_hand(b), _limits(b), _windup(b), _no_reset(b), _first_call(b), _retuned(b), _unit(words.values),
-        _no_number(b)) if told)
+        _no_number(b)) if message)
 
 
 def _first(b: StandardPidBlock, error: float) -> float:
@@ -122,7 +122,7 @@ def _no_reset(b: StandardPidBlock) -> str:
 
 
 def _first_call(b: StandardPidBlock) -> str:
-    """Return what the first call after a start-up gives, when it is in automatic."""
+    """Return the result of the first call after a start-up, when it is in automatic."""
     if b.td == 0.0:
         return ""
     error, side = (single(-10.0), "below") if b.kp < 0.0 else (single(10.0), "above")

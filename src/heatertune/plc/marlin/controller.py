@@ -196,11 +196,11 @@ def from_text(text: str, sample_time_s: float | None, source: str, heater: str =
     collected, over, others = WordCollector(source, FIELDS), list[str](), list[str]()
     entries = list[_Entry]()
     for line, content in lines_of(text):
-        found = _line(content, line, source)
-        if _CYCLE.search(content) or (found and found[0].is_cycle and found[0].name == "Kp"):
+        line_entries = _line(content, line, source)
+        if _CYCLE.search(content) or (line_entries and line_entries[0].is_cycle and line_entries[0].name == "Kp"):
             entries = [entry for entry in entries if not entry.is_cycle]
-        entries += found
-        if not found and content and not content.startswith((";", "//")):
+        entries += line_entries
+        if not line_entries and content and not content.startswith((";", "//")):
             others.append(f"{content[:40]} (line {line})")
         if _TWO_DECIMALS.search(content):
             over.append(f"M503 prints two decimals (line {line}): the firmware's gains may be half a digit off these")
@@ -253,8 +253,8 @@ def _line(content: str, line: int, source: str) -> list[_Entry]:
     if match := _GAIN.match(bare):
         heater = "bed" if match[1] == "4" else "hotend"
         try:
-            given = match[2].partition(";")[0].strip()
-            letters = _m301(given, line, source) if match[2].strip() else []  # without, it asks for the gains
+            arguments = match[2].partition(";")[0].strip()
+            letters = _m301(arguments, line, source) if match[2].strip() else []  # without, it asks for the gains
         except InputError:
             if not is_comment:
                 raise
@@ -278,13 +278,13 @@ def _m301(text: str, line: int, source: str) -> list[tuple[str, str]]:
     letters = _LETTER.findall(text)
     if _LETTER.sub("", text).strip() or not letters:
         raise wrong(source, line, "M301", text, "P, I and D, each with a number")
-    found = []
+    pairs = []
     for letter, value in letters:
         if letter.upper() == "E" and value not in ("0", ""):
             raise wrong(source, line, "M301", f"E{value}", "one hot end, E0: leave out the lines of the others")
         if letter.upper() in _LETTERS:
-            found.append((_LETTERS[letter.upper()], value))
-    return found
+            pairs.append((_LETTERS[letter.upper()], value))
+    return pairs
 
 
 def _loops(sample_time_s: float) -> int:

@@ -84,7 +84,7 @@ def consistent(words: Words) -> None:
 
 
 def oddities(words: Words) -> tuple[str, ...]:
-    """Return what is odd about the word of a running controller."""
+    """Return the oddities of the word of a running controller."""
     band = words.whole["BAND"]
     if band <= _WIDE * COUNTS:
         return ()

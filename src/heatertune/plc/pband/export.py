@@ -140,7 +140,7 @@ def _whole(text: str) -> int | None:
 
 
 def _register(entry: Entry, text: str) -> Number | None:
-    """Return what a register holds: a float, or 16 bits, with a sign where the parameter may have one."""
+    """Return the content of a register: a float, or 16 bits, with a sign where the parameter may have one."""
     if entry.real:
         return real_of(text)
     number = _whole(text)
@@ -164,7 +164,7 @@ def _typed(entry: Entry, decimals: int, text: str, where: tuple[str, int]) -> Nu
 def loaders(
     make: Make, files: Mapping[str, str | bytes], assume: PbandAssumptions  # noqa: ARG001 - of the instrument, not of a text
 ) -> dict[str, Callable[[], TextSettings]]:
-    """Return what reads each file: both set all words, the PWM period among them where the make has one."""
+    """Return the reader of each file: both set all words, the PWM period among them where the make has one."""
     return {file: partial(_settings, make, file, str(text)) for file, text in files.items()}
 
 

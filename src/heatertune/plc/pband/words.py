@@ -45,7 +45,7 @@ def by_role(make: Make, role: str) -> Entry | None:
 
 
 def entry_value(entry: Entry, number: Number) -> float:
-    """Return what a number that is written means, in the unit of its entry."""
+    """Return the value of a written number, in the unit of its entry."""
     return float(number) if entry.real else number / 10.0**entry.decimals
 
 
@@ -177,9 +177,9 @@ def periods_of(make: Make, longest_s: float = _LONGEST_S) -> list[tuple[Number, 
     if longest_s < math.inf and not make.codes:  # numbers mean themselves
         last = min(last, math.ceil(longest_s * 10.0**entry.decimals))
     first = round(entry.low * (10.0**entry.decimals if entry.real else 1.0))
-    found = [(_written(entry, digits / 10.0**entry.decimals), digits / 10.0**entry.decimals)
+    pairs = [(_written(entry, digits / 10.0**entry.decimals), digits / 10.0**entry.decimals)
              for digits in range(first, last + 1)]
-    meant = [(number, make.codes.get(int(number), value) if make.codes else value) for number, value in found]
+    meant = [(number, make.codes.get(int(number), value) if make.codes else value) for number, value in pairs]
     return [(number, value) for number, value in meant if make.sample_s[0] - 1e-9 <= value <= longest_s + 1e-9]
 
 
@@ -213,17 +213,17 @@ def with_period(make: Make, values: Mapping[str, Number], period_s: float) -> di
 
 
 def block_of(make: Make, words: Words, assume: PbandAssumptions) -> PbandBlock:
-    """Return what a sample uses of the words."""
+    """Return the constants of the words that a sample uses."""
     values, ta = words.values, words.sample_time_s
     unit_degC = words.scaling.span_degC / COUNTS
     band = band_degC(make, values, words.scaling.span_degC) / unit_degC
     tn, tv = _times(make, values)
     lag = tv / (0.5 * LAG_PARTS if assume.slow else LAG_PARTS)
-    held = {entry.role: entry_value(entry, values[entry.name]) for entry in make.entries}
+    by_role = {entry.role: entry_value(entry, values[entry.name]) for entry in make.entries}
     return PbandBlock(
         gain=100.0 / band, growth=0.0 if math.isinf(tn) else ta / tn, slope=tv / ta, share=ta / (lag + ta),
-        high=held.get("high", 100.0), least=held.get("least", 0.0), band=band,
-        approach=held["approach"] * band if "approach" in held else math.inf, alpha=held.get("alpha", _ALPHA),
+        high=by_role.get("high", 100.0), least=by_role.get("least", 0.0), band=band,
+        approach=by_role["approach"] * band if "approach" in by_role else math.inf, alpha=by_role.get("alpha", _ALPHA),
         follows=0.0 if math.isinf(tn) else min(ta / (tn + ta), 1.0), tenth=0.1 / unit_degC)
 
 
@@ -231,21 +231,21 @@ def oddities(make: Make, words: Words) -> tuple[str, ...]:
     """Return warnings about an instrument's parameters, one sentence each."""
     values = words.values
     tn, _ = _times(make, values)
-    found = [f"{by.name} is 0: there is no integral part." for by in make.entries
+    notes = [f"{by.name} is 0: there is no integral part." for by in make.entries
              if by.role in ("ti", "ti7201") and math.isinf(tn)]
     for entry in make.entries:
         number = values[entry.name]
         if entry.role == "high" and entry_value(entry, number) < 100.0:
-            found.append(f"{entry.name} is {display_text(entry, values)} %: the output is limited to it.")
+            notes.append(f"{entry.name} is {display_text(entry, values)} %: the output is limited to it.")
         if entry.role == "least" and number:
-            found.append(f"{entry.name} is {display_text(entry, values)} %: no pulse below it, no pause above 100 % "
+            notes.append(f"{entry.name} is {display_text(entry, values)} %: no pulse below it, no pause above 100 % "
                          f"less it.")
         if entry.role == "approach" and number != entry.fixed:
-            found.append(f"{entry.name} is {display_text(entry, values)} bands: beyond it there is no derivative part.")
+            notes.append(f"{entry.name} is {display_text(entry, values)} bands: beyond it there is no derivative part.")
         if entry.role == "cutback" and not _one_band(make, entry, words):
-            found.append(f"{entry.name} is {display_text(entry, values)} °C, not the proportional band: what it does "
+            notes.append(f"{entry.name} is {display_text(entry, values)} °C, not the proportional band: what it does "
                          f"then is not published, and not proven.")
-    return tuple(found)
+    return tuple(notes)
 
 
 def consistent(make: Make, words: Words) -> None:

@@ -267,8 +267,8 @@ class ExportedPid(ExportedInPlc):
 
     def interrupt(self) -> tuple[float, bool | None]:
         """Run a tick with a broken wire."""
-        made, self._since = self._scan(0.0, 32767), 0
-        return made.power_pct, None
+        result, self._since = self._scan(0.0, 32767), 0
+        return result.power_pct, None
 
     def begin(self, output: Number, ticks: int) -> bool | None:  # noqa: ARG002
         """Return None: the pulses are the instruction's own."""
@@ -381,7 +381,7 @@ def _renamed(tag: re.Match[str], tags: BlockTags) -> str:
 def loaders(
     tags: BlockTags, fields: Sequence[WordField], law: InstructionLaw, files: Mapping[str, str | bytes], assume: Any
 ) -> dict[str, Callable[[], ExportedPid | None]]:
-    """Return what loads the source; the interval of the algorithm is Cycle of its words.
+    """Return the function that loads the source; the interval of the algorithm is Cycle of its words.
 
     Args:
         tags: the block's names.

@@ -116,9 +116,9 @@ def from_text(
         elif _OLD.match(tag):
             raise wrong(source, line, tag, value, _IS_OLD)
         elif tag.upper() in off:
-            least, told = off[tag.upper()]
+            least, expectation = off[tag.upper()]
             if not _is(value, least):
-                raise wrong(source, line, tag, value, told)
+                raise wrong(source, line, tag, value, expectation)
         elif is_list and tag.upper().rpartition(".")[2] in {name.rpartition(".")[2] for name in by_tag}:
             raise wrong(source, line, tag, value, f"one of {', '.join(field.address for field in fields)}")
         else:
@@ -130,7 +130,7 @@ def from_text(
 
 def _is_of_tags(text: str) -> bool:
     """Return whether a list assigns to whole tags alone."""
-    return all(not content or ((found := _ASSIGNED.fullmatch(content)) and _WHOLE_TAG.match(_tag(found[1])))
+    return all(not content or ((match := _ASSIGNED.fullmatch(content)) and _WHOLE_TAG.match(_tag(match[1])))
                for _, content in lines_of(_blanked(text)))
 
 
@@ -152,20 +152,20 @@ def _of_thread(
             raise wrong(source, line, old[0], content[:40], _IS_OLD)
         if parallel := _PARALLEL.search(content):
             raise wrong(source, line, parallel[1], content[:40], "Gain, Ti and Td: Ti is Kp/Ki, Td is Kd/Kp")
-        for found in _OFF_NAMES.finditer(content):
-            least, told = next(rule for tag, rule in off.items() if tag.endswith(f".{found[1].upper()}"))
-            if not _is(found[2].rstrip("."), least):
-                raise wrong(source, line, found[1], found[2], told)
-    asked = PastedNames(tuple(fields), _SHOWN, dict.fromkeys(_TIMES, 1.0), frozenset(_TIMES),
-                        "PID_Compact or PID_Temp")
+        for match in _OFF_NAMES.finditer(content):
+            least, expectation = next(rule for tag, rule in off.items() if tag.endswith(f".{match[1].upper()}"))
+            if not _is(match[2].rstrip("."), least):
+                raise wrong(source, line, match[1], match[2], expectation)
+    vocabulary = PastedNames(tuple(fields), _SHOWN, dict.fromkeys(_TIMES, 1.0), frozenset(_TIMES),
+                             "PID_Compact or PID_Temp")
     collected = WordCollector(source, tuple(fields))
-    put_pasted(collected, shown, asked, _NEEDED, source)
+    put_pasted(collected, shown, vocabulary, _NEEDED, source)
     assumed = collected.assume(_defaults(fields), _IDLE)
-    return ReadBack(collected.values(), unread_lines(shown, asked), assumed=assumed)
+    return ReadBack(collected.values(), unread_lines(shown, vocabulary), assumed=assumed)
 
 
 def _switched_off(tags: BlockTags) -> dict[str, tuple[str, str]]:
-    """Return what has to be off, tag → its value, and what is told of another."""
+    """Return the tags that have to be off, tag → its value, and the message about another value."""
     listed = {
         tags.active("DeadZone"): ("0.0", "0.0: the proof has no dead zone"),
         tags.active("ControlZone"): ("off", "3.402822E38: the proof has no control zone"),
@@ -219,8 +219,8 @@ def _of_source(text: str, source: str) -> Iterator[_SclAssignments]:
         if begins is None:
             raise wrong(source, plain.count("\n", 0, function.start()) + 1, function[1], "no BEGIN", "BEGIN")
         start = function.start(2) + begins.end()
-        for found in _STATEMENT.finditer(plain, start, function.end(2)):
-            statement, at = found[0].strip(), found.end() - len(found[0].lstrip())
+        for token in _STATEMENT.finditer(plain, start, function.end(2)):
+            statement, at = token[0].strip(), token.end() - len(token[0].lstrip())
             line = plain.count("\n", 0, at) + 1
             assigned = _ASSIGNED.fullmatch(statement)
             if assigned is None:
@@ -248,8 +248,8 @@ def _of_table(text: str, source: str) -> Iterator[_SclAssignments]:
         if len(cells) < len(columns) or not {_NAME, _MODIFY} <= columns.keys():
             raise wrong(source, line, "row", content, "a row of the watch table below its heads")
         name, value = cells[columns[_NAME]], cells[columns[_MODIFY]]
-        found = _TAG.fullmatch(name)
-        if found is None:
+        match = _TAG.fullmatch(name)
+        if match is None:
             raise wrong(source, line, "name", name, '"instance".tag')
         if value and not _tag(name).upper().startswith("CTRLPARAMSBACKUP.") and _tag(name).upper() != "LOADBACKUP":
             yield _SclAssignments(line, _tag(name), value)
@@ -272,8 +272,8 @@ def _is_header(content: str) -> bool:
 
 def _tag(name: str) -> str:
     """Return a tag without its instance and blanks."""
-    found = _TAG.fullmatch(name)
-    return re.sub(r"\s", "", found[1] if found else name)
+    match = _TAG.fullmatch(name)
+    return re.sub(r"\s", "", match[1] if match else name)
 
 
 def _blanked(text: str) -> str:
@@ -282,16 +282,16 @@ def _blanked(text: str) -> str:
 
 def _compared(tags: BlockTags, text: str, others: Sequence[_SclAssignments]) -> Callable[[Words], tuple[str, ...]]:
     """Return what compares the configuration and the source around the words with the exported ones."""
-    functions = {found[1]: found for found in _FUNCTION.finditer(_blanked(text))}
+    functions = {match[1]: match for match in _FUNCTION.finditer(_blanked(text))}
 
     def unlike(words: Words) -> tuple[str, ...]:
-        wanted = {tag.upper(): value for tag, value, _ in assignments(tags, words, None)}
+        assigned_values = {tag.upper(): value for tag, value, _ in assignments(tags, words, None)}
         for line, tag, value in others:
-            own_value = wanted.get(tag.upper(), value)
+            own_value = assigned_values.get(tag.upper(), value)
             if value.upper() != own_value and (real_of(value) is None or real_of(value) != real_of(own_value)):
                 return (f"{tag} is {value}, not {own_value} (line {line})",)
         own = {LOAD: load(tags, words, None), CALL: call(tags), ROLLBACK: rollback(tags)}
-        read = [(text.count("\n", 0, found.start()) + 1, _shape(found[0])) for found in functions.values()]
+        read = [(text.count("\n", 0, match.start()) + 1, _shape(match[0])) for match in functions.values()]
         ours = [(0, _shape(_blanked(own[name]))) for name in functions if name in own]
         return first_unlike(read, ours)
 

@@ -112,7 +112,7 @@ def cooling_consistent(words: Words) -> None:
 
 
 def cooling_oddities(words: Words) -> tuple[str, ...]:
-    """Return what is odd about the words of a block that also cools, one sentence each."""
+    """Return the oddities of the words of a block that also cools, one sentence each."""
     v = words.values
     set_ = "CoolGain" if v["AdvancedCooling"] else "CoolFactor"
     checks = [

@@ -92,21 +92,21 @@ class Printer(ABC):
             yield from self.load(second)
             yield (self.operation(OPPOSITE[relation]),)
             yield self.jump(over)
-        held: tuple[SumTerm, ...] = ()  # what is in the accumulator
-        for made in step.sets:
-            own = self.assign(made)
+        accumulator: tuple[SumTerm, ...] = ()  # what is in the accumulator
+        for assignment in step.sets:
+            own = self.assign(assignment)
             if own is not None:
                 yield from own
                 continue
-            text = made.text.upper()
-            if made.terms != held:
-                yield from self.load(made.terms[0].what, text)
+            text = assignment.text.upper()
+            if assignment.terms != accumulator:
+                yield from self.load(assignment.terms[0].what, text)
                 text = ""
-                for term in made.terms[1:]:
+                for term in assignment.terms[1:]:
                     yield from self.load(term.what)
                     yield (self.operation("+" if term.sign > 0 else "-"),)
-            yield "T", self.operand(made.cell), text
-            held = made.terms if len(made.terms) == 1 else ()
+            yield "T", self.operand(assignment.cell), text
+            accumulator = assignment.terms if len(assignment.terms) == 1 else ()
 
 
 class S5Printer(Printer):
@@ -195,9 +195,9 @@ def ramp_begins(ramp: Ramp, at: Mapping[str, str]) -> Network:
 
 
 def _remark(step: Step, title: str) -> str:
-    does = "; ".join(made.text.upper() for made in step.sets)
-    asked = "" if step.condition is None else "IF {1} {0} {2}: ".format(*step.condition)
-    return f"{title}{': ' if title else ''}{asked}{does}"
+    does = "; ".join(assignment.text.upper() for assignment in step.sets)
+    condition = "" if step.condition is None else "IF {1} {0} {2}: ".format(*step.condition)
+    return f"{title}{': ' if title else ''}{condition}{does}"
 
 
 def _step(step: Step, at: Mapping[str, str]) -> Iterator[str]:
@@ -207,15 +207,15 @@ def _step(step: Step, at: Mapping[str, str]) -> Iterator[str]:
         _, *both = step.condition
         kind = "D" if any(_is_double(each, at) for each in both) else "W"
         yield f"LD{kind}{_relation(step)} {', '.join(_operand(each, at) for each in both)}"
-    for made in step.sets:
-        yield from _double(made, at) if _is_double(made.cell, at) else _word(made, at)
+    for assignment in step.sets:
+        yield from _double(assignment, at) if _is_double(assignment.cell, at) else _word(assignment, at)
 
 
 def _relation(step: Step) -> str:
     """Return the relation; where a cell gets what it is compared with, >= or <=, which a CPU 21x has, too."""
     assert step.condition is not None
     relation, first, second = step.condition
-    moved = [(made.cell, *(term.what for term in made.terms)) for made in step.sets]
+    moved = [(assignment.cell, *(term.what for term in assignment.terms)) for assignment in step.sets]
     clamps = moved in ([(first, second)], [(second, first)])
     return f"{relation}=" if clamps and relation in ("<", ">") else relation
 

@@ -138,7 +138,7 @@ def start_up(interval_s: float, *, pwm: bool, ramp: Ramp | None, retained: bool)
         ramp: of the setpoint; None: none.
         retained: whether OB251 goes on with what it kept, and a sensor that broke stays off; else both begin anew.
     """
-    begun = "" if ramp is None else "T  DW 10\n"
+    ramp_start = "" if ramp is None else "T  DW 10\n"
     anew = f"C  DB {DB}\n" + ("RU D 11.2; whatever was under way\n" if retained else _CLEARED)
     body = f"""{anew}C  DB {WORK}
 L  KF +1; the first call of OB13 calls OB251
@@ -149,7 +149,7 @@ L  KF +0
 T  DW 4
 T  DW 7
 T  DW 8
-{"" if retained else f"T  DW 9{chr(10)}"}{begun}T  {OUTPUT if pwm else ANALOG}; heater off
+{"" if retained else f"T  DW 9{chr(10)}"}{ramp_start}T  {OUTPUT if pwm else ANALOG}; heater off
 L  KF +{round(100.0 * interval_s)}; interval of OB13, in 10 ms
 T  RS 97
 BE
@@ -351,8 +351,8 @@ def _conditions(words: Words, stairs: Staircase | None, interval_s: float) -> It
     scale = words.scaling
     yield (f"sensor {scale.low_degC:g}...{scale.high_degC:g} °C = 0...{FULL_SCALE} units; "
            f"output 0...{FULL_SCALE} units = 0...100 % power")
-    called = "" if stairs is None or stairs.ticks.per_call == 1 else f" in every {stairs.ticks.per_call}th call"
-    yield f"OB13 every {interval_s:g} s calls FB{HEAT}, which calls OB251{called}: TA = {words.sample_time_s:g} s"
+    call_rate = "" if stairs is None or stairs.ticks.per_call == 1 else f" in every {stairs.ticks.per_call}th call"
+    yield f"OB13 every {interval_s:g} s calls FB{HEAT}, which calls OB251{call_rate}: TA = {words.sample_time_s:g} s"
     if stairs is not None:
         yield f"PWM: {stairs.ticks.per_period} calls of OB13 a period, the nearest whole number of them on"
     if words.ramp is not None:

@@ -98,7 +98,7 @@ def from_cells(cells: Sequence[int]) -> dict[str, int]:
 
 
 def oddities(words: Words) -> tuple[str, ...]:
-    """Return what is odd about a controller's words, one sentence each."""
+    """Return the oddities of a controller's words, one sentence each."""
     v = words.whole
     odd = []
     if v["TI"] == 0:
@@ -425,7 +425,7 @@ def _parameters(typed: tuple[int, ...]) -> Ob251Parameters:
 
 
 def loaders(files: Mapping[str, str | bytes], assume: Ob251Assumptions) -> dict[str, Callable[[], ExportedS5]]:
-    """Return what loads the listing."""
+    """Return the function that loads the listing."""
     return {_FILE: lambda: ExportedS5(str(files[_FILE]), assume)}
 
 
@@ -492,22 +492,22 @@ def export_words(words: Words, certificate: Certificate) -> dict[str, str | byte
     """Return name → content of all files; the same words and certificate give the same bytes."""
     rows, setpoint = _rows(words, certificate.setpoint_degC), certificate.setpoint_degC
     sensor = Sensor(words.scaling.low_degC, words.scaling.span_degC, FULL_SCALE)
-    asked = 0 if setpoint is None else count(sensor, setpoint)
+    setpoint_counts = 0 if setpoint is None else count(sensor, setpoint)
     return {
         f"DB{DB}_listing.txt": _listing(words, certificate, rows),
         f"DB{DB}.csv": _csv(rows),
         f"DB{DB}.bin": to_image(words),
-        "program_listing.txt": program_listing(words, certificate, asked, [_typed(row) for row in rows]),
+        "program_listing.txt": program_listing(words, certificate, setpoint_counts, [_typed(row) for row in rows]),
     }
 
 
 def _rows(words: Words, setpoint_degC: float | None) -> list[_Row]:
     """Return all 49 words."""
-    named = {int(row.address[2:]): row for row in typed_words(words, setpoint_degC)}
+    table = {int(row.address[2:]): row for row in typed_words(words, setpoint_degC)}
     cells = {dw: _CELLS.get(dw, ("KH", "")) for dw in range(LENGTH)}
     return [
-        _Row(dw, named[dw].format, _value(named[dw].format, named[dw].first), _value(named[dw].format, named[dw].then),
-             f"{named[dw].name} {named[dw].meaning}") if dw in named
+        _Row(dw, table[dw].format, _value(table[dw].format, table[dw].first), _value(table[dw].format, table[dw].then),
+             f"{table[dw].name} {table[dw].meaning}") if dw in table
         else _Row(dw, format_, _value(format_, 0), _value(format_, 0), comment)
         for dw, (format_, comment) in cells.items()]
 

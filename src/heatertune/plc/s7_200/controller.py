@@ -90,10 +90,10 @@ def values_of(design: PidDesign, scaling: Scaling) -> dict[str, int]:
         worst = max(exact, key=lambda name: abs(exact[name]))
         raise NotRepresentable(f"constant {worst}", 2.0 * exact[worst], f"up to {MOST}", "a smaller K would fit")
     values = {name: round_half_away(value * 2.0**scale) for name, value in exact.items()}
-    for name, wanted in exact.items():
-        if values[name] == 0 and wanted != 0.0:
+    for name, exact_value in exact.items():
+        if values[name] == 0 and exact_value != 0.0:
             remedy = "a slower TA would fit"
-            raise NotRepresentable(f"constant {name}", wanted * 2.0**scale, "at least 1 in size", remedy)
+            raise NotRepresentable(f"constant {name}", exact_value * 2.0**scale, "at least 1 in size", remedy)
     return values | {"SCALE": scale, **ticks_of(cycle)}
 
 
@@ -283,9 +283,9 @@ def export_words(words: Words, certificate: Certificate) -> dict[str, str | byte
 
 
 def _by_hand(words: Words, certificate: Certificate) -> list[str]:
-    asked = certificate.setpoint_degC
+    degC = certificate.setpoint_degC
     sensor = Sensor(words.scaling.low_degC, words.scaling.span_degC, COUNTS)
-    shown = "shows the setpoint" if asked is None else f"= {count(sensor, asked)}, the proven {asked:g} degC"
+    shown = "shows the setpoint" if degC is None else f"= {count(sensor, degC)}, the proven {degC:g} degC"
     return [
         "wire the converter's bits 1 to 7 to I0.1...I0.7 and its bit 0 to I1.0",
         *SWITCH,

@@ -55,7 +55,7 @@ class _Exported(ExportedS7):
 
 
 def loaders(files: Mapping[str, str | bytes], assume: PidTipAssumptions) -> dict[str, Callable[[], ExportedS7]]:
-    """Return what loads the source; nothing for other assumptions than its own: the text is one of several."""
+    """Return the loader of the source; nothing for other assumptions than its own: the text is one of several."""
     return {_FILE: lambda: _Exported(str(files[_FILE]), {})} if assume == PidTipAssumptions() else {}
 
 
@@ -79,12 +79,12 @@ def from_image(image: bytes, _sample_time_s: float, source: str) -> dict[str, Nu
 
 
 def oddities(words: Words) -> tuple[str, ...]:
-    """Return what is odd about a controller's words, one sentence each."""
-    v, called = words.values, 1000.0 * words.sample_time_s
+    """Return the oddities of a controller's words, one sentence each."""
+    v, call_ms = words.values, 1000.0 * words.sample_time_s
     odd = []
-    if abs(v["SAMPLE"] - called) > _WRONG_CLOCK * called:
-        odd.append(f"SAMPLE is {v['SAMPLE']:g} ms, but the block is called every {called:g} ms: TN and TV are "
-                   f"{called / v['SAMPLE']:.3g} times what RESET and RATE say.")
+    if abs(v["SAMPLE"] - call_ms) > _WRONG_CLOCK * call_ms:
+        odd.append(f"SAMPLE is {v['SAMPLE']:g} ms, but the block is called every {call_ms:g} ms: TN and TV are "
+                   f"{call_ms / v['SAMPLE']:.3g} times what RESET and RATE say.")
     if v["GAIN"] == 0.0:
         odd.append("GAIN is 0: no proportional part; the integral and derivative parts act with a gain of 1.")
     elif v["GAIN"] < 0.0:
@@ -320,11 +320,11 @@ def _source(words: Words, certificate: Certificate, switch: PwmSource) -> str:
 
 
 def _program(words: Words, certificate: Certificate, switch: PwmSource) -> BlockProgram:
-    asked = 0 if certificate.setpoint_degC is None else counts_of(words, certificate.setpoint_degC)
+    counts = 0 if certificate.setpoint_degC is None else counts_of(words, certificate.setpoint_degC)
     setpoint = "SP" if words.ramp is None else "LED"
     return BlockProgram(
         input=words.scaling.input,
-        real=False, setpoint=BlockMember("SP", "INT", asked, f"setpoint, yours: 0..{FULL_SCALE}"), output=_OUT,
+        real=False, setpoint=BlockMember("SP", "INT", counts, f"setpoint, yours: 0..{FULL_SCALE}"), output=_OUT,
         word=_OUT,
         ramp=words.ramp, switch=switch, temporaries=("share : REAL",) if switch.by == PULSEGEN else (),
         begins=[

@@ -58,8 +58,8 @@ class ExportedProgram(ExportedInPlc):
         program["HeaterTemperature"] = reading_degC
         program.scan()
         power = program["HeaterPower"]
-        called = CallResult(program[self._led], power, min(max(power, 0.0), 100.0))
-        return called, program["HeaterOutput"] if self._pwm else None
+        result = CallResult(program[self._led], power, min(max(power, 0.0), 100.0))
+        return result, program["HeaterOutput"] if self._pwm else None
 
     def calls(self, inputs: CallInputs) -> CallOutputs | None:
         """Run the program so often, each time when the block is due."""
@@ -73,12 +73,12 @@ class ExportedProgram(ExportedInPlc):
         return self._scans(inputs, {})
 
     def _scans(self, inputs: CallInputs, wholes: dict[str, npt.NDArray[np.int64]]) -> CallOutputs | None:
-        asked = inputs.power_pct.copy()
-        same = asked == np.concatenate(([asked[0] if self._asked is None else self._asked], asked[:-1]))
-        asked[same] = np.nan
-        wanted = (self._led, "HeaterPower", *(["HeaterOutput"] if self._pwm else []))
+        setpoints = inputs.power_pct.copy()
+        same = setpoints == np.concatenate(([setpoints[0] if self._asked is None else self._asked], setpoints[:-1]))
+        setpoints[same] = np.nan
+        outputs = (self._led, "HeaterPower", *(["HeaterOutput"] if self._pwm else []))
         got = self._program.scans(Tape(
-            len(asked), {"HeaterSetPoint": asked, "HeaterTemperature": inputs.readings_degC}, wholes, wanted))
+            len(setpoints), {"HeaterSetPoint": setpoints, "HeaterTemperature": inputs.readings_degC}, wholes, outputs))
         if got is None:
             return None
         self._asked, self._begun, powers = float(inputs.power_pct[-1]), True, got["HeaterPower"]
@@ -138,11 +138,11 @@ def check_project(project: str, text: str, file: str) -> None:
     Raises:
         InputError: it does not hold the program of the text, called at its tick.
     """
-    held, wanted = project_of(project), units(text)
-    for unit in wanted:
-        if unit not in held.units:
+    sheet, unit_names = project_of(project), units(text)
+    for unit in unit_names:
+        if unit not in sheet.units:
             raise InputError(f"its {unit.name} is not that of {file}")
-    program = wanted[-1]
+    program = unit_names[-1]
     tick = next((each.initial for each in program.variables if each.name == "SCANMS"), None)
-    if tick is None or (held.calls, held.interval_ms) != (program.name, tick.value):
-        raise InputError(f"its task calls {held.calls} every {held.interval_ms} ms; {file} has another tick")
+    if tick is None or (sheet.calls, sheet.interval_ms) != (program.name, tick.value):
+        raise InputError(f"its task calls {sheet.calls} every {sheet.interval_ms} ms; {file} has another tick")

@@ -51,18 +51,18 @@ def project_of(text: str) -> Project:
         raise InputError(f"this is no XML: {problem}") from None
     (task,) = _some(root, "task")
     interval = re.fullmatch(r"T#(\d+)ms", task.get("interval", ""))
-    called = task.find("plc:pouInstance", _NAMES)
-    if interval is None or called is None:
+    instance = task.find("plc:pouInstance", _NAMES)
+    if interval is None or instance is None:
         raise InputError("its task has no interval in ms, or calls nothing")
     units = [_unit(pou) for pou in _some(root, "pou", 2)]
-    return Project(units, int(interval[1]), called.get("typeName", "").upper())
+    return Project(units, int(interval[1]), instance.get("typeName", "").upper())
 
 
 def _some(root: Xml.Element, name: str, count: int = 1) -> list[Xml.Element]:
-    found = list(root.iter(f"{{{_NAMES['plc']}}}{name}"))
-    if len(found) != count:
-        raise InputError(f"{len(found)} elements {name}; expected {count}")
-    return found
+    elements = list(root.iter(f"{{{_NAMES['plc']}}}{name}"))
+    if len(elements) != count:
+        raise InputError(f"{len(elements)} elements {name}; expected {count}")
+    return elements
 
 
 def _unit(pou: Xml.Element) -> ProgramUnit:

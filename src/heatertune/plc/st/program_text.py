@@ -196,9 +196,9 @@ def variables(
     """
     ramp = () if words.ramp is None else tuple(_ramp_variables(words.ramp))
     boost = () if words.boost is None else _BOOST_VARIABLES
-    given = {"setpoint": literal(single(setpoint_degC)), "tick": clock.tick_ms}
-    said = tuple((name, type_, initial.format(**given), meaning) for name, type_, initial, meaning in _VARIABLES)
-    return said + own + (_PWM_VARIABLES if clock.steps else ()) + boost + ramp
+    start_values = {"setpoint": literal(single(setpoint_degC)), "tick": clock.tick_ms}
+    base = tuple((name, type_, initial.format(**start_values), meaning) for name, type_, initial, meaning in _VARIABLES)
+    return base + own + (_PWM_VARIABLES if clock.steps else ()) + boost + ramp
 
 
 def _ramp_variables(ramp: Ramp) -> Iterator[Variable]:
@@ -341,7 +341,7 @@ def head_of(
     title: str, words: Words, interval_ms: int, certificate: Certificate, clock: ProgramClock, *,
     tool: str = "a vendor's tool",
 ) -> tuple[str, ...]:
-    """Return what an exported text says first.
+    """Return the head of an exported text.
 
     Args:
         title: what it is.

@@ -75,15 +75,15 @@ def words_in(text: str, source: str, block: ExpectedBlock) -> ReadBack:
     plain = _blanked(_COMMENT, _blanked(_TAG, text) if text.lstrip().startswith("<") else text)
     if block.neighbour:
         plain = _blanked(re.compile(rf"\b{block.neighbour}\b[^;]*;"), plain)
-    asked = block.fields_by_name()
-    calls = [call for call in _CALL.finditer(plain) if any(name.upper() in asked for name in _NAMED.findall(call[1]))]
+    fields = block.fields_by_name()
+    calls = [call for call in _CALL.finditer(plain) if any(name.upper() in fields for name in _NAMED.findall(call[1]))]
     if len(calls) > 1:
         lines = " and ".join(str(plain.count("\n", 0, call.start()) + 1) for call in calls[:2])
         raise InputError(f"{source}: the block is called in lines {lines}; expected one call")
     collected, over = WordCollector(source, block.fields), []
-    assigned = [*_members(plain, asked), *(wire for call in calls for wire in _wires(plain, call, source))]
+    assigned = [*_members(plain, fields), *(wire for call in calls for wire in _wires(plain, call, source))]
     for line, name, value, unit in assigned or _listed(plain, source):
-        field = asked.get(name.upper())
+        field = fields.get(name.upper())
         if field is None:
             over.append(f"{name} := {value} (line {line})")
             continue
@@ -91,7 +91,7 @@ def words_in(text: str, source: str, block: ExpectedBlock) -> ReadBack:
             raise wrong(source, line, field.name, f"{value} {unit}", f"{field.comment}, no other unit")
         number = _number(field, value)
         collected.put(field.name, number, line, value)
-    return ReadBack(collected.values(), (*over, *(_around(text, plain, asked) if calls else ())))
+    return ReadBack(collected.values(), (*over, *(_around(text, plain, fields) if calls else ())))
 
 
 def _around(text: str, plain: str, fields: Mapping[str, WordField]) -> Iterator[str]:

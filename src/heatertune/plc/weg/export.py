@@ -60,7 +60,7 @@ _INPUTS: Final = {"EN": "BOOL", "SetPoint": "REAL", "ManualSetPoint": "REAL", "S
 
 def loaders(files: Mapping[str, str | bytes], assume: WegAssumptions) -> dict[str,
                                                                               Callable[[], ExportedProgram | None]]:
-    """Return what loads each file; the block of our own stands for the default assumptions alone."""
+    """Return the functions that load each file; the block of our own stands for the default assumptions alone."""
     loads: dict[str, Callable[[], ExportedProgram | None]] = {_CALL: lambda: _called(str(files[_CALL]), assume)}
     if assume == WegAssumptions():
         loads |= {_EXPORTED_BLOCK: lambda: ExportedProgram(TextProgram(units(str(files[_EXPORTED_BLOCK])), {})),
@@ -121,8 +121,8 @@ PROBED: Final = (
 
 def ts_variables(keeps_ts: bool | None) -> tuple[Variable, ...]:
     """Return the variables for a block that keeps Ts itself or not; None: the program finds out."""
-    kept = (KEEPS, "BOOL", str(bool(keeps_ts)).upper(), "TRUE: the block itself keeps Ts and is called each scan")
-    return (kept, *(_PROBE_VARIABLES if keeps_ts is None else ()))
+    variable = (KEEPS, "BOOL", str(bool(keeps_ts)).upper(), "TRUE: the block itself keeps Ts and is called each scan")
+    return (variable, *(_PROBE_VARIABLES if keeps_ts is None else ()))
 
 
 #: section → (name, type, initial value, meaning)
@@ -249,20 +249,20 @@ RENAMED: Final = {"Type": "Form", "Action": "Acting"}
 def export_words(words: Words, certificate: Certificate) -> dict[str, str]:
     """Return the three files; the same words and certificate give the same bytes."""
     clock, setpoint = clock_for(words, certificate.actuator), proven_setpoint(words, certificate, COUNTS)
-    known = certificate.switches.get("sampling")
-    kept = None if known is None else known == "block"
+    sampling = certificate.switches.get("sampling")
+    keeps_ts = None if sampling is None else sampling == "block"
     head = (
         *head_of("heater controller for WEG's PID block", words, words.whole["Ts"], certificate, clock,
                  tool="WPS or another vendor's tool"),
-        *by_hand(clock, certificate, of_clock=[_who_keeps_ts(known)],
+        *by_hand(clock, certificate, of_clock=[_who_keeps_ts(sampling)],
                  of_start=["HeaterOn has to stay TRUE: each time that it rises the first call gives 0"]))
     remarks = comment(*head)
     limits = ProgramLimits(words.values["MaximumOutput"], words.values["Action"] == REVERSE)
     own = variables(words, clock, setpoint)
     body = statements(words, clock, _block_call(words), limits)
-    wegs = variables(words, clock, setpoint, ts_variables(kept))
-    calls = statements(words, clock, _weg_call(words), limits, before=PROBED if kept is None else "", or_when=KEEPS)
-    instances = {"HeaterPid": "FB_PID"} | ({PROBE: "FB_PID"} if kept is None else {})
+    wegs = variables(words, clock, setpoint, ts_variables(keeps_ts))
+    calls = statements(words, clock, _weg_call(words), limits, before=PROBED if keeps_ts is None else "", or_when=KEEPS)
+    instances = {"HeaterPid": "FB_PID"} | ({PROBE: "FB_PID"} if keeps_ts is None else {})
     return {
         "weg_pid_call.st": remarks + program("WegHeater", instances, wegs, calls),
         "weg_pid_block.st":

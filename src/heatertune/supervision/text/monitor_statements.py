@@ -68,7 +68,7 @@ def statements_of(numbers: Numbers) -> Statements:
 
 
 def alarm_text() -> str:
-    """Return what each alarm is called, in one line."""
+    """Return the names of the alarms, in one line."""
     return ", ".join(f"{number} {name}" for number, name in enumerate(ALARMS) if number)
 
 
@@ -112,8 +112,8 @@ def _each_call(numbers: Numbers) -> Iterator[Group]:
             + if_("Jump > 0", "Moving := 0", "Moved_For := 0", "Held := Power")
             + if_(f"Moved_For > {moved_for}", f"Alarm := {_alarm('frozen')}")))
     yield Group("implausible rate", if_(f"Jump > {numbers.jump}", f"Alarm := {_alarm('implausible rate')}"))
-    gone = f"Alarm := {_alarm('sensor gone')}"
-    yield Group("sensor gone", if_(f"Reading < {numbers.low}", gone) + if_(f"Reading > {numbers.high}", gone))
+    alarm = f"Alarm := {_alarm('sensor gone')}"
+    yield Group("sensor gone", if_(f"Reading < {numbers.low}", alarm) + if_(f"Reading > {numbers.high}", alarm))
     yield Group("sums of this block; the first alarm is kept", (
         "Level := Level + Reading;\nAsked := Asked + Power;\nIn_Block := In_Block + 1;\n"
         + if_("Told = 0", "Told := Alarm")))
@@ -150,7 +150,7 @@ def _each_block(numbers: Numbers) -> Iterator[Group]:
 
 
 def _cause(numbers: Numbers, blocks: int, better: str) -> str:
-    """Return what finds the least or largest sum of powers of so many blocks in a row."""
+    """Return the statements that find the least or largest sum of powers of so many blocks in a row."""
     low, high = numbers.delay_low, numbers.delay_high
     text = f"Window := {' + '.join(f'Power_{low + back}' for back in range(blocks))};\nCause := Window;\n"
     for delay in range(low + 1, high + 1):
@@ -160,7 +160,7 @@ def _cause(numbers: Numbers, blocks: int, better: str) -> str:
 
 
 def _margin(numbers: Numbers, blocks: int, factors: tuple[int, ...]) -> str:
-    """Return what holds the movement against its limit: factors of movement, cause and level, and what is added."""
+    """Return the statements of the movement and its margin: factors of movement, cause and level, and what is added."""
     *products, rest = factors
     terms = [(rest, f"{abs(rest)}"), *((factor, f"{abs(factor)} * {what}") for factor, what in zip(
         products, ("Moved", "Cause", f"Level_{blocks}"), strict=True) if factor)]
@@ -199,9 +199,9 @@ def check_reach(numbers: Numbers, highest: int, bits: int) -> None:
     """
     window, level = max(numbers.slow_blocks, numbers.fast_blocks), numbers.block * highest
     powers = 100 * numbers.block * window
-    held = {"the sum of a block's readings": level, "the sum of a window's powers": powers} | {
+    sums = {"the sum of a block's readings": level, "the sum of a window's powers": powers} | {
         name: abs(value) for name, value in numbers._asdict().items() if not name.endswith("_rest")}
-    for name, value in held.items():
+    for name, value in sums.items():
         if value >= 1 << bits - 1:
             raise InputError(f"no program: {name} may be {value}, which {bits} bits do not hold")
     for of in ("slow", "fast"):

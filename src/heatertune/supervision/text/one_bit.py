@@ -77,12 +77,12 @@ def departs(text: str, numbers: Numbers, scan_s: float, runs: Sequence[Ran]) -> 
     program, low_high = assemble(text, _NAMES, operand_bits=4), (numbers.low, numbers.high)
     wiring = Wiring(inputs=frozenset({3}), results={1: -1, 2: 1}, timers={4: _delay_ms(numbers, scan_s)})
     for one in runs:
-        wanted = np.empty(len(one.counts), dtype=np.int64)
+        alarm_codes = np.empty(len(one.counts), dtype=np.int64)
         compile_function(alarms)(reduce_monitor(numbers), np.zeros(STATE, dtype=np.int64), one.counts, one.power,
-                                 wanted)
+                                 alarm_codes)
         state, tripped = START, False
         for k, (count, power, alarm) in enumerate(
-                zip(one.counts.tolist(), one.power.tolist(), wanted.tolist(), strict=True)):
+                zip(one.counts.tolist(), one.power.tolist(), alarm_codes.tolist(), strict=True)):
             if power < 0:
                 state, tripped = START, False
                 continue

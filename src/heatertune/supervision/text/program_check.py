@@ -115,10 +115,10 @@ def _to_limits(numbers: Numbers, card: Card) -> Ran:
     for count in (low, low - 1, high, high + 1):
         rest(4)
         calls.append((count, 50))
-    for held, power in ((numbers.still, 50), (numbers.still_moved, 49 + numbers.moved), (
+    for scans, power in ((numbers.still, 50), (numbers.still_moved, 49 + numbers.moved), (
             numbers.still_moved, 50 + numbers.moved), (numbers.still_moved, 50 - numbers.moved)):
         rest(4)
-        calls += [(middle, 50), *[(middle, power)] * min(held + 2, _LONGEST)]
+        calls += [(middle, 50), *[(middle, power)] * min(scans + 2, _LONGEST)]
     rest(4)
     rest(min(numbers.full + 2, _LONGEST), 100)
     inside = [(count, power) for count, power in calls if 0 <= count <= card.highest]
@@ -137,31 +137,31 @@ def _of_one_bit(numbers: Numbers, scan_s: float, head: Sequence[str], runs: Sequ
 def _other_power(text: LoadedText) -> str | None:
     """Return where the power in whole percent is other than the nearest one."""
     for output, power in text.outputs():
-        made = text.call(0, output)[2]
-        if made != math.floor(power + 0.5):
-            return f"it takes the output {output:g} for {made} %; it is {power:g} %"
+        output_pct = text.call(0, output)[2]
+        if output_pct != math.floor(power + 0.5):
+            return f"it takes the output {output:g} for {output_pct} %; it is {power:g} %"
     return None
 
 
 def _other_alarm(numbers: Numbers, text: LoadedText, runs: Sequence[Ran]) -> str | None:
     """Return where it says other than the monitor."""
     for one in runs:
-        wanted = np.empty(len(one.counts), dtype=np.int64)
-        compile_function(alarms)(numbers, np.zeros(STATE, dtype=np.int64), one.counts, one.power, wanted)
+        alarm_codes = np.empty(len(one.counts), dtype=np.int64)
+        compile_function(alarms)(numbers, np.zeros(STATE, dtype=np.int64), one.counts, one.power, alarm_codes)
         text.start()
         text.acknowledge()
         first, supplied = 0, True
         for k, (count, power, alarm) in enumerate(
-                zip(one.counts.tolist(), one.power.tolist(), wanted.tolist(), strict=True)):
+                zip(one.counts.tolist(), one.power.tolist(), alarm_codes.tolist(), strict=True)):
             before, supplied = supplied, power >= 0
             if not supplied:
                 continue
             if not before:
                 text.start()
             first = first or alarm
-            made = text.call(count, text.output_of(power))
-            if made != (alarm, first, power):
-                return (f"in call {k + 1} it says {ALARMS[made[0]]}, first {ALARMS[made[1]]}; the monitor says "
+            result = text.call(count, text.output_of(power))
+            if result != (alarm, first, power):
+                return (f"in call {k + 1} it says {ALARMS[result[0]]}, first {ALARMS[result[1]]}; the monitor says "
                         f"{ALARMS[alarm]}, first {ALARMS[first]}")
     return None
 

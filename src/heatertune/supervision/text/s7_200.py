@@ -50,9 +50,9 @@ def written(statements: Statements, head: list[str], reading: list[str], cycle_m
         InputError: its cells do not fit into V memory.
     """
     at = _places(statements)
-    told = [f"{place}: {name.upper()}, {meaning}" for (name, meaning), place in zip(
+    legend = [f"{place}: {name.upper()}, {meaning}" for (name, meaning), place in zip(
         _cells(statements).items(), at.values(), strict=True)]
-    lines = [in_ascii(line) for line in [*head, *_by_hand(statements, at), *told]]
+    lines = [in_ascii(line) for line in [*head, *_by_hand(statements, at), *legend]]
     call = [Network("reading", [ALWAYS, *reading, f"MOVW AC0, {at['READING']}"]), *_percent(cycle_ms, at["POWER"])]
     return program(
         block("SBR1", "monitor of the heater: each call", [*call, *networks(statements.each_call, at)], lines),

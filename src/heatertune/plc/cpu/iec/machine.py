@@ -85,9 +85,9 @@ def run_tape(
     r, w = np.array(reals, dtype=np.float32), np.array(wholes, dtype=np.int64)
     read = [[name for name in tape.outputs if place[name][0] == row] for row in (0, 1)]
     got = np.empty((len(read[0]), tape.scans), dtype=np.float32), np.empty((len(read[1]), tape.scans), dtype=np.int64)
-    puts = [(_rows(given, tape.scans, kind), _places(given, place)) for given, kind in (
+    puts = [(_rows(values, tape.scans, kind), _places(values, place)) for values, kind in (
         (tape.reals, np.float32), (tape.wholes, np.int64))]
-    if any(not np.array_equal(row, given, equal_nan=True) for row, given in zip(
+    if any(not np.array_equal(row, values, equal_nan=True) for row, values in zip(
             puts[0][0], tape.reals.values(), strict=True)):
         return None
     try:
@@ -199,11 +199,11 @@ def row_of(type_: str) -> int:
 def _function(name: str, source: str, called: tuple[tuple[str, Callable[..., Any]], ...]) -> FunctionType:
     """Return the function of a text, which names others; the same for the same ones, so that it is compiled once."""
     names: dict[str, Any] = {**_FUNCTIONS, **dict(called), "__name__": __name__}
-    made: FunctionType = functions_from_text(source, names, file=__file__)["run"]
-    beside = "".join(getattr(other, "__qualname__", "") for _, other in called)
+    function: FunctionType = functions_from_text(source, names, file=__file__)["run"]
+    callee_names = "".join(getattr(other, "__qualname__", "") for _, other in called)
     # by which what is kept on disk is told from that of another text
-    made.__qualname__ = f"{name}_{hashlib.sha256((source + beside).encode()).hexdigest()[:16]}"
-    return made
+    function.__qualname__ = f"{name}_{hashlib.sha256((source + callee_names).encode()).hexdigest()[:16]}"
+    return function
 
 
 def translate_unit(
@@ -261,24 +261,24 @@ class _Compiler:
         return _cut(int(literal.value), *_WHOLE[type_]) if type_ in _WHOLE else literal.value
 
     def _body(self) -> tuple[Run, dict[CodeType, tuple[ProgramUnit, list[int]]]]:
-        """Return what runs the unit's statements, and the lines of its text."""
+        """Return the function that runs the unit's statements, and the lines of its text."""
         source = "\n".join([f"def run({', '.join((*_ROWS, *_FIRST))}):", *self._all(self._unit.body, " ")])
-        called: dict[str, Callable[..., Any]] = {
+        callees: dict[str, Callable[..., Any]] = {
             f"run_{type_}": block.run for type_, block in self._known.items() if f"run_{type_}(" in source}
         if self._time_to_real is not None:
-            called["time_to_real"] = self._time_to_real
-        made = _function(self._unit.name, source, tuple(called.items()))
-        return made, {made.__code__: (self._unit, self._lines)}
+            callees["time_to_real"] = self._time_to_real
+        function = _function(self._unit.name, source, tuple(callees.items()))
+        return function, {function.__code__: (self._unit, self._lines)}
 
     def _all(self, statements: Iterable[Statement], indent: str) -> Iterator[str]:
         """Return the lines that run statements, at least one."""
-        made = False
+        has_step = False
         for statement in statements:
             self._line = statement.line
             for line in self._run(statement, indent):
-                made = True
+                has_step = True
                 yield line
-        if not made:
+        if not has_step:
             yield self._noted_line(f"{indent}pass")
 
     def _noted_line(self, line: str) -> str:
@@ -314,8 +314,8 @@ class _Compiler:
         for name, expression in statement.inputs:
             if name not in block.places:
                 raise self._wrong(f"{type_} has no input {name}")
-            wanted, there = block.places[name]
-            yield f"{self._cell(wanted, place, there)} = {self._to(expression, wanted)}"
+            kind, there = block.places[name]
+            yield f"{self._cell(kind, place, there)} = {self._to(expression, kind)}"
         yield f"run_{type_}({', '.join((*_ROWS, *map(self._index, _FIRST, place)))})"
 
     def _variable(self, name: Name) -> tuple[str, str]:
@@ -332,7 +332,7 @@ class _Compiler:
         return type_, self._cell(type_, *there)
 
     def _cell(self, type_: str, *places: tuple[int, int, int]) -> str:
-        """Return what names a number in its row."""
+        """Return the expression for a number in its row."""
         row = row_of(type_)
         return f"{_ROWS[row]}[{self._index(_FIRST[row], sum(place[row] for place in places))}]"
 
@@ -362,8 +362,8 @@ class _Compiler:
             raise self._wrong("the unit of TIME_TO_REAL is not told")
         if (expression.sign, *kinds) not in _MADE:
             raise self._wrong(f"{expression.sign} does not go with {' and '.join(kinds)}")
-        kind, made = _MADE[(expression.sign, *kinds)]
-        return kind, made.format(*(value for _, value in operands))
+        kind, template = _MADE[(expression.sign, *kinds)]
+        return kind, template.format(*(value for _, value in operands))
 
 
 def _fitted(value: str, type_: str) -> str:
@@ -447,13 +447,13 @@ class TextProgram:
         Raises:
             InputError: there is not exactly one program; what is not known here.
         """
-        known = self._known = {name.upper(): _of_firmware(block) for name, block in firmware.items()}
+        blocks = self._known = {name.upper(): _of_firmware(block) for name, block in firmware.items()}
         for unit in (unit for unit in units if unit.kind == "FUNCTION_BLOCK"):
-            known[unit.name] = translate_unit(unit, known, time_to_real)
+            blocks[unit.name] = translate_unit(unit, blocks, time_to_real)
         programs = [unit for unit in units if unit.kind == "PROGRAM"]
         if len(programs) != 1:
             raise InputError(f"{len(programs)} programs; expected one")
-        self._block = translate_unit(programs[0], known, time_to_real)
+        self._block = translate_unit(programs[0], blocks, time_to_real)
         self._compiles = time_to_real is None and all(_is_plain(block.run) for block in firmware.values())
         self._named: dict[str, tuple[int, int]] = {}  # name as it was asked for → row and place
         self.start()
@@ -485,13 +485,13 @@ class TextProgram:
 
     def _stopped_at(self, problem: BaseException) -> str:
         """Return the line at which it stopped."""
-        told, trace = "", problem.__traceback__
+        line_text, trace = "", problem.__traceback__
         while trace is not None:
-            if found := self._block.lines.get(trace.tb_frame.f_code):
-                unit, lines = found
-                told = unit.line_text(lines[trace.tb_lineno - BEYOND])
+            if source := self._block.lines.get(trace.tb_frame.f_code):
+                unit, lines = source
+                line_text = unit.line_text(lines[trace.tb_lineno - BEYOND])
             trace = trace.tb_next
-        return told
+        return line_text
 
     def __contains__(self, name: str) -> bool:
         """Return whether there is a variable, or one of an instance: `Block.Variable`."""
@@ -537,12 +537,12 @@ def _of_firmware(block: Firmware) -> InstanceLayout:
         cold.with_one("REAL" if isinstance(value, float) else "WHOLE", value)
     if block.run is not None:
         return InstanceLayout(places, cold, block.run, {})
-    named = [(name, row_of(type_), places[name.upper()][1][row_of(type_)]) for name, type_ in block.variables.items()]
-    put = {name: (row, place) for name, row, place in named}
+    inputs = [(name, row_of(type_), places[name.upper()][1][row_of(type_)]) for name, type_ in block.variables.items()]
+    put = {name: (row, place) for name, row, place in inputs}
 
     def run(r: list[Any], w: list[Any], f: list[Any], a: int, b: int, c: int) -> None:
         rows, first = (r, w), (a, b)
-        for name, value in f[c]({name: rows[row][first[row] + place] for name, row, place in named}).items():
+        for name, value in f[c]({name: rows[row][first[row] + place] for name, row, place in inputs}).items():
             row, place = put[name]
             rows[row][first[row] + place] = value
 

@@ -139,10 +139,10 @@ def units(text: str) -> list[ProgramUnit]:
 
 @lru_cache(8)  # a proof reads the same text for each of its runs
 def _units(text: str) -> tuple[ProgramUnit, ...]:
-    reader, found = _TokenReader(text), list[ProgramUnit]()
+    reader, program_units = _TokenReader(text), list[ProgramUnit]()
     while reader.kind != "end":
-        found.append(reader.unit())
-    return tuple(found)
+        program_units.append(reader.unit())
+    return tuple(program_units)
 
 
 def body_of(text: str) -> tuple[Statement, ...]:
@@ -156,9 +156,9 @@ def body_of(text: str) -> tuple[Statement, ...]:
 def literal(text: str) -> Literal:
     """Return the literal that a text is; errors as `units`."""
     reader = _TokenReader(text)
-    found = reader.literal()
+    value = reader.literal()
     reader.take("")
-    return found
+    return value
 
 
 def _place_text(lines: tuple[str, ...], line: int) -> str:
@@ -179,11 +179,11 @@ class _TokenReader:
             match = _TOKEN.match(text, place)
             if match is None:
                 raise InputError(f"{_place_text(self._lines, line)}; {text[place]!r} is no sign that is known here")
-            kind, found = str(match.lastgroup), match[0]
+            kind, token = str(match.lastgroup), match[0]
             if kind != "blank":
-                word = found.upper()
+                word = token.upper()
                 yield _Token("sign" if word in _WORDS else kind, word, line)
-            place, line = match.end(), line + found.count("\n")
+            place, line = match.end(), line + token.count("\n")
         yield _Token("end", "", len(self._lines) + 1)
 
     @property
@@ -299,23 +299,23 @@ class _TokenReader:
     def _expression(self, level: int = 0) -> Expression:
         if level == len(_INFIX):
             return self._operand()
-        found = self._expression(level + 1)
+        expression = self._expression(level + 1)
         while self._comes(*_INFIX[level]):
             sign = self._next("sign", "")
-            found = Operation(sign, (found, self._expression(level + 1)))
-        return found
+            expression = Operation(sign, (expression, self._expression(level + 1)))
+        return expression
 
     def _operand(self) -> Expression:
         if self._taken("("):
-            found = self._expression()
+            operand = self._expression()
             self.take(")")
-            return found
+            return operand
         if self._taken("NOT"):
             return Operation("NOT", (self._operand(),))
         function = next((name for name in _FUNCTIONS if self._taken(name)), None)
         if function is not None:
             self.take("(")
-            found = self._expression()
+            operand = self._expression()
             self.take(")")
-            return Operation(function, (found,))
+            return Operation(function, (operand,))
         return self._name() if self.kind == "word" else self.literal()

@@ -210,8 +210,8 @@ def _instruction(line: str, number: int, names: Names) -> OneBitInstruction:
     op = _OPS[match["mnemonic"]]
     kind, operand = OPERAND[op], match["operand"]
     if (operand is None) != (kind is Operand.NONE):
-        wanted = "no operand" if kind is Operand.NONE else "an operand"
-        raise InputError(f"line {number}: {line!r}; {match['mnemonic']} has {wanted}")
+        need = "no operand" if kind is Operand.NONE else "an operand"
+        raise InputError(f"line {number}: {line!r}; {match['mnemonic']} has {need}")
     return OneBitInstruction(op) if operand is None else OneBitInstruction(op, _operand(operand, kind, number, names))
 
 
@@ -239,8 +239,8 @@ def disassemble(program: OneBitProgram, names: Names | None = None) -> str:
         kind = OPERAND[op]
         table = _table(kind, names)
         shared = Counter(table.values())
-        called = {address: name for name, address in table.items() if shared[address] == 1}
-        text = {Operand.NONE: "", Operand.LINE: f" line{operand}"}.get(kind, f" {called.get(operand, operand)}")
+        labels = {address: name for name, address in table.items() if shared[address] == 1}
+        text = {Operand.NONE: "", Operand.LINE: f" line{operand}"}.get(kind, f" {labels.get(operand, operand)}")
         lines.append(f"{number}. {MNEMONICS[op]}{text}")
     return "\n".join(lines) + "\n"
 
@@ -271,9 +271,9 @@ class Wiring:
     results: Mapping[int, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        taken = [*self.inputs, *self.timers, *self.counters, *self.results]
-        for address in taken:
-            if taken.count(address) > 1:
+        addresses = [*self.inputs, *self.timers, *self.counters, *self.results]
+        for address in addresses:
+            if addresses.count(address) > 1:
                 raise OutOfRange("address", address, "that of one input, timer, counter or result only")
         for preset in (*self.timers.values(), *self.counters.values()):
             if preset < 0:
@@ -348,7 +348,7 @@ class _OneBitProcessor:
         self._counters = dict(state.counters)
 
     def state(self, *, endless: bool) -> OneBitState:
-        """Return what is remembered."""
+        """Return the state that is remembered."""
         return OneBitState(
             self._outputs, self._cff, self._in_series, self._ac1, self._ac2, self._compared,
             tuple(self._timers.items()), tuple(self._counters.items()), self._overflow, endless,
@@ -365,8 +365,8 @@ class _OneBitProcessor:
         if op in _NUMERIC:
             _NUMERIC[op](self, operand)
             return None
-        action, wanted = _BINARY[op]
-        if wanted not in (None, self._cff):
+        action, condition = _BINARY[op]
+        if condition not in (None, self._cff):
             return None
         if action is Op.JUMP:
             return operand

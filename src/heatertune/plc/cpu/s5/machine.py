@@ -90,8 +90,8 @@ def _blocks(listing: str) -> tuple[dict[str, list[StatementLine]], dict[int, lis
             statements = code[line] = []
         elif word := re.match(r" *\d+: +(K\w) = ([^;]+);", line):
             words.append(_constant(word[1], word[2], f"line {number}"))
-        elif found := re.fullmatch(r"([\w=]*) *:(\S+) *([^;]*?) *(;.*)?", line):
-            statements.append(StatementLine(number, found[1], found[2], found[3]))
+        elif match := re.fullmatch(r"([\w=]*) *:(\S+) *([^;]*?) *(;.*)?", line):
+            statements.append(StatementLine(number, match[1], match[2], match[3]))
         else:
             raise InputError(f"line {number}: {line.strip()!r}; expected a block, a data word or a statement")
     for name, block in code.items():
@@ -108,7 +108,7 @@ def _constant(kind: str, digits: str, where: object) -> int:
 
 
 def _word(number: int) -> int:
-    """Return what 16 bits hold of a number, as a signed one."""
+    """Return the low 16 bits of a number, as a signed one."""
     return (number + 0x8000) % 0x10000 - 0x8000
 
 

@@ -267,10 +267,10 @@ def assemble(text: str) -> S7200Program:
 
 def _check_calls(rows: _Rows) -> None:
     for block, lines in rows.items():
-        for number, code, (op, _, wanted, *_) in lines:
-            if op in (CALL, ATCH) and wanted not in rows:
+        for number, code, (op, _, target, *_) in lines:
+            if op in (CALL, ATCH) and target not in rows:
                 raise InputError(f"line {number}: {code!r} names a block that is not there")
-            if op == CALL and (is_subroutine(block) or not is_subroutine(wanted)):
+            if op == CALL and (is_subroutine(block) or not is_subroutine(target)):
                 raise InputError(f"line {number}: {code!r}: only OB1 and interrupts call subroutines here")
 
 

@@ -261,7 +261,7 @@ def flag(memory: bytearray, result: int, overflow: bool, by_zero: bool) -> None:
 
 
 def _loaded(code: array[int], at: int, memory: bytearray) -> bool:
-    """Return what a load or a comparison makes of the top of the logic stack."""
+    """Return the top of the logic stack after a load or a comparison."""
     op = code[at]
     if op == LD:
         return memory[code[at + 2]] & code[at + 4] != 0

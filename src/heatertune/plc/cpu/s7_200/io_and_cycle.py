@@ -171,7 +171,7 @@ def ms_per_count(scaling: Scaling, cycle: int) -> float:
 
 
 def counts_wired(words: Words) -> list[str]:
-    """Return what an 8-bit converter and an analog adjustment mean, for the head of an exported program."""
+    """Return the meaning of an 8-bit converter and an analog adjustment, for the head of an exported program."""
     s = words.scaling
     return [
         f"sensor {s.low_degC:g}...{s.high_degC:g} degC = 0...{COUNTS} counts on I0.1-I0.7, I1.0 (bit 0)",

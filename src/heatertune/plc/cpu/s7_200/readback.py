@@ -97,7 +97,7 @@ class DataBlockMemory:
         return place + len(packed)
 
     def read(self, name: str, address: str, *, real: bool) -> LoadedNumber | None:
-        """Return what stands at an address, None where nothing does.
+        """Return the content of an address, None where there is none.
 
         Raises:
             InputError: a part of it is missing, or a REAL was typed as a whole number.

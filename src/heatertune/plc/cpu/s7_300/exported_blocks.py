@@ -120,14 +120,14 @@ class ExportedS7(ExportedInPlc):
     @final
     def interrupt(self) -> tuple[float, bool | None]:
         """Run OB35 with each analog value of a broken wire."""
-        self._begun, asked, on = False, 0.0, False
+        self._begun, power_pct, on = False, 0.0, False
         whole = bytes(self._cpu.memory["P"][_INPUT : _INPUT + 2])
         for value in _BROKEN:
             self._cpu.memory["P"][_INPUT : _INPUT + 2] = value.to_bytes(2, "big")
             self._cpu.run("OB 35")
-            asked, on = max(asked, self.outcome()[1]), on or self._on()
+            power_pct, on = max(power_pct, self.outcome()[1]), on or self._on()
         self._cpu.memory["P"][_INPUT : _INPUT + 2] = whole
-        return asked, on if self._switches else None
+        return power_pct, on if self._switches else None
 
     @final
     def begin(self, output: Number, ticks: int) -> bool | None:

@@ -207,7 +207,7 @@ class TranslatedBlock(Translation):
 
     def _computed(self, name: str, operand: str) -> _Value:  # noqa: PLR0911 - likewise
         """Return the ACCU 1 that a statement makes of what stands in both."""
-        one, two = (partial(self._as, held) for held in (self._one, self._two))
+        one, two = (partial(self._as, value) for value in (self._one, self._two))
         match name:
             case "SRD":
                 return self._new(f"{one('bits')} >> {int(operand)}")
@@ -234,26 +234,26 @@ class TranslatedBlock(Translation):
         if kind == "R":
             return f"true, first = {self._as(self._two, 'real')} {asks} {self._as(self._one, 'real')}, False"
         width = {"I": 16, "D": 32}[kind]
-        two, one = (f"signed({self._as(held, 'bits')}, {width})" for held in (self._two, self._one))
+        two, one = (f"signed({self._as(value, 'bits')}, {width})" for value in (self._two, self._one))
         return f"true, first = {two} {asks} {one}, False"
 
     def _loaded(self, at: int, operand: str, place: MemberPlace | None) -> _Value:
-        """Return what L brings: as a number where nothing asks for its bits."""
+        """Return the value that L loads: a number where its bits are not used."""
         if place is None:
             bits = constant(operand)
             meant = as_real(bits)
             return _Value(bits=str(bits), real=repr(meant) if math.isfinite(meant) else "")
-        asked, stays = self._followed(at + 1, "one", self._part_of[at])
-        if place.size == 4 and asked == {"real"} and not (stays and stays in self._read[self._part_of[at]]):
+        forms, stays = self._followed(at + 1, "one", self._part_of[at])
+        if place.size == 4 and forms == {"real"} and not (stays and stays in self._read[self._part_of[at]]):
             return _Value(real=self._named(f"unpacked({self._bytes(place)}, {place.byte})[0]"))
         return self._new(self._value(place))
 
     def _stored(self, place: MemberPlace) -> str:
         """Return the text that T is."""
-        held = self._one
-        if place.size == 4 and not held.bits:
-            return f"{self._bytes(place)}[{place.byte}:{place.byte + 4}] = packed({held.real})"
-        return self._put(place, self._as(held, "bits"))
+        value = self._one
+        if place.size == 4 and not value.bits:
+            return f"{self._bytes(place)}[{place.byte}:{place.byte + 4}] = packed({value.real})"
+        return self._put(place, self._as(value, "bits"))
 
     def _as(self, register: _Value, form: _Form) -> str:
         """Return text that gives what an accumulator holds as bits or as a number."""
@@ -283,8 +283,8 @@ class TranslatedBlock(Translation):
     def _write(self, at: int) -> None:
         """Write the accumulators that are read behind a part, or by what is called."""
         read = _SLOTS if self.lines[at].operation == "CALL" else self._read[self._part_of[at]]
-        held: dict[_Slot, _Value] = {"one": self._one, "two": self._two}
-        written = {slot: bits for slot in held if slot in read and (bits := self._as(held[slot], "bits")) != slot}
+        values: dict[_Slot, _Value] = {"one": self._one, "two": self._two}
+        written = {slot: bits for slot in values if slot in read and (bits := self._as(values[slot], "bits")) != slot}
         if written:
             self._emit(f"{', '.join(written)} = {', '.join(written.values())}")
 
@@ -293,11 +293,11 @@ class TranslatedBlock(Translation):
 
     def _followed(self, at: int, slot: _Slot | None, part: int) -> tuple[set[_Form], _Slot | None]:
         """Return as what is asked for what stands in an accumulator until its part ends, and where it stands then."""
-        asked = set[_Form]()
+        forms = set[_Form]()
         while slot and at < len(self.lines) and self._part_of[at] == part:
             name = self.lines[at].operation
             if name == "CALL":
-                asked.add("bits")
+                forms.add("bits")
                 slot = None
             elif name == "L":
                 slot = "two" if slot == "one" else None
@@ -305,13 +305,13 @@ class TranslatedBlock(Translation):
                 slot = "two" if slot == "one" else "one"
             elif name in _OF_ONE:
                 if slot == "one":
-                    asked.add(_OF_ONE[name])
+                    forms.add(_OF_ONE[name])
                     slot = "one" if name == "T" else None
             elif name not in _OF_NONE:
-                asked.add("real" if name[-1] == "R" else "bits")
+                forms.add("real" if name[-1] == "R" else "bits")
                 slot = None if slot == "one" and name[:-1] not in _COMPARED else slot
             at += 1
-        return asked, slot
+        return forms, slot
 
     def _read_later(self) -> list[set[_Slot]]:
         """Return for each part which accumulators are read behind it."""
@@ -320,13 +320,13 @@ class TranslatedBlock(Translation):
         after = [self._after(at) for at in range(len(self.lines)) if self._is_last(at)]
         read: list[set[_Slot]] = [set() for _ in begins]
         while True:
-            needed = [{slot for slot, (asked, stays) in slots.items() if asked or stays in read[part]}
+            needed = [{slot for slot, (forms, stays) in slots.items() if forms or stays in read[part]}
                       for part, slots in enumerate(here)]
-            found = [{slot for slot in _SLOTS if any(part is None or slot in needed[part] for part in parts)}
-                     for parts in after]
-            if found == read:
+            slot_sets = [{slot for slot in _SLOTS if any(part is None or slot in needed[part] for part in parts)}
+                         for parts in after]
+            if slot_sets == read:
                 return read
-            read = found
+            read = slot_sets
 
     def _after(self, at: int) -> set[int | None]:
         """Return the parts that may follow the last statement of one; None: the block may end."""
@@ -335,12 +335,12 @@ class TranslatedBlock(Translation):
         return {None if label == "" else behind, *([self._part_of[self.labels[label]]] if label in self.labels else [])}
 
     def _jump(self, at: int, name: str, label: str) -> list[str]:
-        goes, asked = self.goes(at, label), _JUMPS[name]
-        if asked is None:
+        goes, condition = self.goes(at, label), _JUMPS[name]
+        if condition is None:
             return ["first = True", *goes]
         # JC and JCN leave a true result of both
         after = "os = False" if name == "JOS" else "true = True"
-        return [f"goes, first = {asked}, True", after, "if goes:", *(f" {line}" for line in goes)]
+        return [f"goes, first = {condition}, True", after, "if goes:", *(f" {line}" for line in goes)]
 
     def _bytes(self, place: MemberPlace) -> str:
         """Return what names the memory of a place; one that is nowhere is looked for when it is asked for."""
@@ -481,7 +481,7 @@ class S7300Cpu(Accumulators):
             raise InputError(f"{data}: the source has no member {name} there") from None
 
     def get(self, place: MemberPlace) -> int:
-        """Return what stands at a place: a bit, or bytes as an unsigned number."""
+        """Return the content of a place: a bit, or bytes as an unsigned number."""
         memory = self.memory[place.memory or self.instance]
         if place.size == 0:
             return memory[place.byte] >> place.bit & 1
@@ -503,7 +503,7 @@ class S7300Cpu(Accumulators):
         for number, line in numbered_lines(source):
             part.append((number, line))
             if line in LAST:
-                head = next((found for _, text in part if (found := _HEAD.fullmatch(text))), None)
+                head = next((match for _, text in part if (match := _HEAD.fullmatch(text))), None)
                 if head is None or all(text != "BEGIN" for _, text in part):
                     raise InputError(f"line {number}: {line}; expected its head and BEGIN before")
                 if head[1] == "DATA_BLOCK":
@@ -516,8 +516,8 @@ class S7300Cpu(Accumulators):
     def _data(self, name: str, part: list[tuple[int, str]], blocks: Mapping[str, _CodeBlock]) -> None:
         texts = [text for _, text in part]
         begin = texts.index("BEGIN")
-        values = {found[1]: (number, _constant(number, found[2].strip())) for number, text in part[begin:]
-                  if (found := _ASSIGNED.match(text))}
+        values = {match[1]: (number, _constant(number, match[2].strip())) for number, text in part[begin:]
+                  if (match := _ASSIGNED.match(text))}
         of = next((line for line in texts if re.fullmatch(r"FB \d+", line)), None)
         self.memory[name] = bytearray(1024)
         if of is not None and of not in blocks:
@@ -551,22 +551,22 @@ class S7300Cpu(Accumulators):
         """Return the place of an operand; None: it is a constant."""
         if operand.startswith("#"):
             return block.members[operand[1:]]
-        if found := re.fullmatch(r"DB(\d+)\.DB([XBWD]) ?(\d+)(?:\.(\d))?", operand):
-            return MemberPlace(f"DB {found[1]}", int(found[3]), int(found[4] or 0), _WIDTHS[found[2]])
-        if found := re.fullmatch(r"(P?)([IQ])([BWD]?) ?(\d+)(?:\.(\d))?", operand):
-            memory = "P" if found[1] else found[2]
-            return MemberPlace(memory, int(found[4]), int(found[5] or 0), _WIDTHS[found[3] or "X"])
+        if match := re.fullmatch(r"DB(\d+)\.DB([XBWD]) ?(\d+)(?:\.(\d))?", operand):
+            return MemberPlace(f"DB {match[1]}", int(match[3]), int(match[4] or 0), _WIDTHS[match[2]])
+        if match := re.fullmatch(r"(P?)([IQ])([BWD]?) ?(\d+)(?:\.(\d))?", operand):
+            memory = "P" if match[1] else match[2]
+            return MemberPlace(memory, int(match[4]), int(match[5] or 0), _WIDTHS[match[3] or "X"])
         return None
 
     def _call(self, block: _CodeBlock, operand: str) -> BlockCall:
-        """Return what a CALL does."""
-        called = re.match(r"((?:FB|FC) \d+)(?: , (DB \d+))?", operand)
-        if called is None:
+        """Return the block call of a CALL."""
+        callee = re.match(r"((?:FB|FC) \d+)(?: , (DB \d+))?", operand)
+        if callee is None:
             raise InputError(f"CALL {operand!r}; expected a block, and its instance where it has one")
-        name, data = called[1], called[2] or ""
+        name, data = callee[1], callee[2] or ""
         if name not in self._firmware and name not in self._blocks:
             raise LookupError(name)
-        operands = [(found[1], found[2].strip()) for found in _ASSIGNED.finditer(operand)]
+        operands = [(match[1], match[2].strip()) for match in _ASSIGNED.finditer(operand)]
         places = [(member, place) for member, text in operands if (place := self._place(block, text)) is not None]
         constants = {member: constant(text) for member, text in operands if self._place(block, text) is None}
         # what is put in comes back as it was

@@ -320,9 +320,9 @@ class BlockProgram:
     @property
     def blocks(self) -> list[str]:
         """The source of all blocks that stand before the organization blocks."""
-        made = self.switch.by
-        pwm = pwm_block(_PWM, PWM_DATA, self.switch, real=self.real) if made == OWN else []
-        return [*pwm, *(self._pulsegen if made == PULSEGEN else []),
+        pulse_source = self.switch.by
+        pwm = pwm_block(_PWM, PWM_DATA, self.switch, real=self.real) if pulse_source == OWN else []
+        return [*pwm, *(self._pulsegen if pulse_source == PULSEGEN else []),
                 *awl.block(DATA, "heater: what you set and watch", self._members), *self._anew]
 
     def restart(self, loads: list[str]) -> list[str]:
@@ -394,7 +394,7 @@ class BlockProgram:
     @property
     def _anew(self) -> list[str]:
         """Return the function that puts the heater off and lets all begin from cold."""
-        at, made = self.at, self.switch.by
+        at, pulse_source = self.at, self.switch.by
         zero = awl.real(0.0) if self.real else "0"
         own = awl.operands(PWM_DATA, pwm_members(self.switch, real=self.real))
         pwm = {
@@ -402,13 +402,13 @@ class BlockProgram:
                   f"      T     {own['COUNT']};  // of its ticks on"],
             PULSEGEN: [f"      CALL  FB {_PULSEGEN} , DB {_PULSEGEN} (", "           COM_RST := TRUE);"],
             ANALOG: ["      L     0;", "      T     PQW 256;"],
-        }[made]
+        }[pulse_source]
         return [
             f"FUNCTION FC {_ANEW} : VOID", "TITLE =heater off; all begins from cold",
             "VERSION : 0.1", "BEGIN", "NETWORK", "TITLE =controller", *self.begins,
             f"      L     {zero};", f"      T     {at['POWER']};", "      L     L#0;", f"      T     {at['TICKS']};",
             *self._begins_again, "NETWORK", "TITLE =heater", *pwm, "      CLR   ;", f"      =     {at['HEAT']};",
-            *([] if made == ANALOG else _out("CLR   ")), "END_FUNCTION", "",
+            *([] if pulse_source == ANALOG else _out("CLR   ")), "END_FUNCTION", "",
         ]
 
     @property

@@ -104,8 +104,8 @@ def _block_name(block: _BlockText) -> str:
 
 def _comparing(text: str, export: Callable[[Words, str], str]) -> Callable[[Words], tuple[str, ...]]:
     program = _program(text)
-    called = {statement for _, statement in program}
-    by = next((by for by, call in _PULSES.items() if call in called), ANALOG)
+    statements = {statement for _, statement in program}
+    by = next((by for by, call in _PULSES.items() if call in statements), ANALOG)
     return lambda words: first_unlike(program, _program(export(words, by)))
 
 
@@ -122,9 +122,9 @@ def _program(text: str) -> list[tuple[int, str]]:
 
 
 def _only(blocks: Sequence[_BlockText], names: dict[str, WordField], source: str) -> _BlockText:
-    found = [sum(member.name.strip('"').upper() in names for member in block.members) for block in blocks]
+    counts = [sum(member.name.strip('"').upper() in names for member in block.members) for block in blocks]
     # an instance of another block may share a name or two
-    with_words = [block for block, count in zip(blocks, found, strict=True) if count and 2 * count >= max(found)]
+    with_words = [block for block, count in zip(blocks, counts, strict=True) if count and 2 * count >= max(counts)]
     if not with_words:
         first = next(iter(names.values()))
         raise InputError(f"{source}: no data block with {first.name}; expected DATA_BLOCK … BEGIN … "

@@ -156,17 +156,17 @@ def statements(lines: Iterable[tuple[int, str]]) -> list[StatementLine]:
     Raises:
         InputError: a line after which none ends.
     """
-    found, begun, text = list[StatementLine](), 0, ""
+    parts, first_line, text = list[StatementLine](), 0, ""
     for number, line in lines:
         if not line or (not text and line.startswith(("NETWORK", "TITLE"))):
             continue
-        begun, text = (begun, f"{text} {line}") if text else (number, line)
+        first_line, text = (first_line, f"{text} {line}") if text else (number, line)
         *whole, text = text.split(";")
-        found += [_statement(begun, each) for each in whole]
-        begun, text = number, text.strip()
+        parts += [_statement(first_line, each) for each in whole]
+        first_line, text = number, text.strip()
     if text:
-        raise InputError(f"line {begun}: {text!r}; expected a semicolon")
-    return found
+        raise InputError(f"line {first_line}: {text!r}; expected a semicolon")
+    return parts
 
 
 def _statement(number: int, text: str) -> StatementLine:
@@ -197,18 +197,18 @@ def member_places(lines: list[str], memory: str, byte: int) -> dict[str, MemberP
     """Return the places of declared members: bits one after the other, all else from an even byte on."""
     members, bit = {}, 0
     for line in lines:
-        found = _DECLARED.match(line)
-        if found is None:
+        match = _DECLARED.match(line)
+        if match is None:
             continue
-        size = _SIZES.get(found[2], 20)
+        size = _SIZES.get(match[2], 20)
         if size == 0:
             byte, bit = (byte + 1, 0) if bit > 7 else (byte, bit)
-            members[found[1]] = MemberPlace(memory, byte, bit, 0)
+            members[match[1]] = MemberPlace(memory, byte, bit, 0)
             bit += 1
             continue
         byte, bit = byte + (1 if bit else 0), 0
         byte += byte % 2 if size > 1 else 0
-        members[found[1]] = MemberPlace(memory, byte, 0, size)
+        members[match[1]] = MemberPlace(memory, byte, 0, size)
         byte += size
     return members
 
@@ -221,8 +221,8 @@ def constant(text: str) -> int:
     """
     if text in ("TRUE", "FALSE"):
         return int(text == "TRUE")
-    if found := re.fullmatch(r"T#(\d+)MS", text):
-        return int(found[1])
+    if match := re.fullmatch(r"T#(\d+)MS", text):
+        return int(match[1])
     if text.startswith("DW#16#"):
         return int(text[6:], 16)
     if text.startswith("L#"):
