@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from typing import Any, Final, NamedTuple, TypeVar, cast
 
 import numpy as np
@@ -41,7 +41,7 @@ from heatertune.zones.network import ThermalNetwork
 __all__ = [
     "JointTrace", "PeakPower", "RunPhase", "ZoneEvent", "ZoneLoop", "bound_kernel", "event_arrays", "memory_at_rest",
     "nested_pairs", "network_arrays", "offsets_for", "overshoot_criteria", "ramp_program", "residual_error_degC",
-    "run_zones", "tightest_degC", "zone_spread",
+    "rest_criteria", "run_zones", "tightest_degC", "zone_spread",
 ]
 
 _Made = TypeVar("_Made")
@@ -398,6 +398,8 @@ class RunPhase(NamedTuple):
     end_s: float
     change_degC: float = 0.0
     idle: tuple[int, ...] = ()  # zones that are not judged
+    started: tuple[int, ...] = ()  # zones that are started while others run; their neighbours may not overshoot either
+    rests: bool = True  # whether the zones can hold their setpoints
 
 
 def zone_spread(highest_degC: Array, lowest_degC: Array, setpoints_degC: Array) -> tuple[float, int, int]:
@@ -439,6 +441,23 @@ def overshoot_criteria(
     """
     if (limit_degC := tightest_degC(rise_degC, *most)) is not None:
         yield make(name=name, value=100.0 * float(beyond_degC.max()) / rise_degC, limit=100.0 * limit_degC / rise_degC)
+
+
+def rest_criteria(
+    make: Callable[..., _Made], errors: tuple[Array, Array, Array], tolerance_degC: float
+) -> Iterator[_Made]:
+    """Yield offset, swing and largest error in the last fifth of a phase.
+
+    Args:
+        make: a criterion of a name, value and limit.
+        errors: distances from the setpoint at the scans, and the highest and lowest between them, shape (K,) [°C].
+        tolerance_degC: limit of each [°C].
+    """
+    last, high, low = (each[-max(len(each) // 5, 2):] for each in errors)
+    make = partial(make, limit=tolerance_degC)
+    yield make(name="offset at rest [°C]", value=float(np.abs(last.mean())))
+    yield make(name="swing at rest [°C]", value=float(np.ptp(last)))
+    yield make(name="error at rest [°C]", value=float(max(high.max(), -low.min())))
 
 
 @dataclass(slots=True)

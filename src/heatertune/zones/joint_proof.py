@@ -1,7 +1,7 @@
 """The proof of all zones together: their words in one closed loop, on every plausible network, under every open point.
 
 The runs: all zones heated up together; of each zone a setpoint change, a load, an open heater circuit, the zone off and
-its heater stuck at full power; a restart of the PLC; zones started one after the other, in both orders.
+its heater stuck at full power; a restart of the PLC; zones started one after the other, see `start_orders`.
 """
 
 from __future__ import annotations
@@ -39,12 +39,14 @@ from heatertune.zones.joint_loop import (
     offsets_for,
     overshoot_criteria,
     residual_error_degC,
+    rest_criteria,
     run_zones,
     tightest_degC,
     zone_spread,
 )
 from heatertune.zones.joint_tuning import JOINT_MS, JointDesign
 from heatertune.zones.network import ThermalNetwork
+from heatertune.zones.start_orders import StartOrder, name_order, start_orders, summarize_orders
 
 __all__ = [
     "HOLDING_POWERS", "SPREAD_NAME", "JointCriterion", "JointProof", "ZoneSpecification", "prove_zones",
@@ -238,6 +240,7 @@ class JointProof:
         for each in self.blocking:
             remedy = _REMEDIES.get(each.name) or remedy_of(each.name, [])
             lines.append(f"not proven ({each.name}): {each.message}; {remedy}, or --accept {each.name}")
+        lines += summarize_orders(zones, self.runs)
         lines += [f"accepted: {KINDS[name].short}" for name in self.accepted]
         lines += dict.fromkeys(f"assumed: {each.kind.short}" for each in self.findings if each.kind.is_assumption)
         lines += [f"not tested: {', '.join(self.not_tested)}"] if self.not_tested else []
@@ -513,8 +516,7 @@ class _Prover:
     def runs(self, networks: Sequence[tuple[str, ThermalNetwork]], stated: Mapping[str, str]) -> Iterator[
             tuple[str, partial[tuple[JointTrace, list[JointCriterion]]]]]:
         """Yield label and run, the whole sequence on the best fit first."""
-        settings = self.settings(stated)
-        every = list(range(self.count))
+        settings, orders, every = self.settings(stated), start_orders(self.count), list(range(self.count))
         nominal = networks[0][1]
         yield networks[0][0], partial(self._in_use, nominal, settings[0], every, whole=True)
         for number, (label, network) in enumerate(networks[1:]):
@@ -530,9 +532,9 @@ class _Prover:
         for setting in settings[1:]:
             label = ", ".join(f"{name} = {value}" for name, value in setting.items() if value != settings[0][name])
             yield label, partial(self._in_use, nominal, setting, every)
-            yield f"zones started in turn, {label}", partial(self._in_turn, nominal, setting, every)
-        yield "zones started in turn", partial(self._in_turn, nominal, settings[0], every)
-        yield "zones started in reverse", partial(self._in_turn, nominal, settings[0], every[::-1])
+            yield f"{name_order(orders[0], self.zones)}, {label}", partial(self._in_turn, nominal, setting, orders[0])
+        for order in orders:
+            yield name_order(order, self.zones), partial(self._in_turn, nominal, settings[0], order)
 
     def _heat_up_s(self, network: ThermalNetwork) -> float:
         share = min(float(np.max(network.holding_pct(self.setpoints))) / 100.0, 0.95)
@@ -607,20 +609,20 @@ class _Prover:
         return now
 
     def _in_turn(self, network: ThermalNetwork, switches: Mapping[str, str],
-                 order: Sequence[int]) -> tuple[JointTrace, list[JointCriterion]]:
-        """Start the zones one after the other, each when the one before has had time to settle."""
-        each_s = self._heat_up_s(network)
-        events: list[ZoneEvent] = []
-        phases: list[RunPhase] = []
-        for place, zone in enumerate(order):
-            now, begun = place * each_s, tuple(order[: place + 1])
-            events += [ZoneEvent(now, "setpoint", zone, float(self.setpoints[zone])), ZoneEvent(now, "on", zone)]
-            if self._can_hold(network, begun):
-                idle = tuple(other for other in range(self.count) if other not in begun)
-                phases.append(RunPhase("started in turn", zone, now, now + each_s, idle=idle))
-        end = len(order) * each_s + self.settle_s
-        phases.append(RunPhase("all started", -1, end - self.settle_s, end))
-        trace = run_zones(self.loop, network, events, end, switches=switches)
+                 order: StartOrder) -> tuple[JointTrace, list[JointCriterion]]:
+        """Start groups of zones one after the other, each when those before it have had time to settle."""
+        events, phases, begun, now = list[ZoneEvent](), list[RunPhase](), tuple[int, ...](), 0.0
+        for group in order:
+            begun = *begun, *group
+            rests = self._can_hold(network, begun)  # else the zones tend to where they are with full power
+            end = now + self._heat_up_s(network) + (0.0 if rests else _COOLS * max(network.time_constants_s))
+            events += [event for zone in group for event in (
+                ZoneEvent(now, "setpoint", zone, float(self.setpoints[zone])), ZoneEvent(now, "on", zone))]
+            phases.append(RunPhase("start", group[0] if len(group) == 1 else -1, now, end, started=group, rests=rests,
+                                   idle=tuple(zone for zone in range(self.count) if zone not in begun)))
+            now = end
+        phases.append(RunPhase("all started", -1, now, now + self.settle_s))
+        trace = run_zones(self.loop, network, events, now + self.settle_s, switches=switches)
         return trace, self._judged(trace, network, phases, self._residual_error_degC(switches))
 
     def _can_hold(self, network: ThermalNetwork, zones: Sequence[int]) -> bool:
@@ -666,17 +668,13 @@ class _Prover:
         """
         limits, name = self.specification.limits, self.zones[zone]
         seen, high, low = errors
-        last, rest = seen[-max(len(seen) // 5, 2):], slice(-max(len(seen) // 5, 2), None)
         where = f"zone {name}, {phase.kind}" + ("" if phase.zone < 0 else f" ({self.zones[phase.zone]})")
-        make = partial(JointCriterion, where=where, cause=zone)
-        yield make(name="offset at rest [°C]", value=float(np.abs(last.mean())), limit=limits.tolerance_degC)
-        yield make(name="swing at rest [°C]", value=float(np.ptp(last)), limit=limits.tolerance_degC)
-        yield make(name="error at rest [°C]", value=float(max(high[rest].max(), -low[rest].min())),
-                   limit=limits.tolerance_degC)
+        make = partial(JointCriterion, where=where, cause=zone if zone in (phase.started or (zone,)) else -1)
+        yield from rest_criteria(make, errors, limits.tolerance_degC) if phase.rests else ()
         rise = max(float(self.setpoints[zone]) - network.ambients_degC[zone], 1.0)
         over = partial(overshoot_criteria, make, rise)
-        if phase.kind in ("heat-up", "restart", "started in turn"):
-            if phase.zone in (-1, zone):
+        if phase.kind in ("heat-up", "restart", "start"):
+            if phase.started or phase.zone in (-1, zone):
                 yield from over("overshoot [%]", high, (limits.overshoot_pct, limits.overshoot_degC))
         elif phase.kind.startswith("after") and zone == phase.zone and "stuck" not in phase.kind:
             most = limits.reheat_overshoot_pct, limits.reheat_overshoot_degC
