@@ -7,8 +7,11 @@ from itertools import permutations
 import numpy as np
 import pytest
 
+from heatertune.settings import Conditions
 from heatertune.zones import design_zones, network_by_hand, prove_zones
+from heatertune.zones.joint_proof import specification_for
 from heatertune.zones.start_orders import name_order, start_orders, summarize_orders
+from tests.bench.zone_judge import simulated
 from tests.bench.zone_starts import started
 from tests.zones.networks import chain
 
@@ -55,3 +58,26 @@ def test_a_zone_at_rest_that_its_neighbours_push_beyond_its_setpoint_breaks_the_
     strict = prove_zones(proof.design, proof.fitted, replace(proof.specification, limits=limits))
     assert strict.verdict == "FAIL"
     assert "zone 2 overshoots by 10." in started(network, strict, (1, 0, 2), np.array([rest, 0]), rest, noise_degC=0.0).complaint
+
+
+@pytest.mark.parametrize("target", ["s5-ob251", pytest.param("s7-300", marks=pytest.mark.sample)])
+@pytest.mark.long(seconds=10)
+@pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler, cc")
+def test_a_judge_counts_no_more_heaters_on_at_once_than_were_proven(target):
+    """Zones that were started at any instants, each with its PWM's offset; four of 45 % need two heaters at once."""
+    network = chain(4, 0.5, gain=1.0)
+    spec = specification_for(network_by_hand(network), 22.0 + 45.0, Conditions())
+    proof = design_zones(network_by_hand(network), target, specification=replace(spec, staggered=True))
+    assert proof.verdict == "PASS", proof.summary()
+    assert proof.heaters_bound == 2 <= proof.peak_heaters  # that on weaker mains, too, where four of 56 % need three
+    scans = round(9000.0 / proof.words[0].sample_time_s)
+    asked = np.full((scans, 4), 67.0)
+    for most, judged in ((2, proof), (4, replace(proof, offsets_s=(0.0,) * 4))):
+        *_, pulses = simulated(network, judged, asked, np.zeros(asked.shape), begins=[0, 37, 211, 500])
+        assert at_once(pulses, 7000.0) == most
+
+
+def at_once(pulses, from_s):
+    """Return how many pulses are on at once at most; one that ends at an instant is off then."""
+    _, begins, ends = pulses[pulses[:, 2] > from_s].T
+    return max(int(np.sum((begins <= begin + 1e-6) & (ends > begin + 1e-6))) for begin in begins)
