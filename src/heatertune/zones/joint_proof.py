@@ -235,8 +235,9 @@ class JointProof:
                  f"{', '.join(f'{each:g}' for each in self.specification.setpoints_degC)} °C in {len(self.runs)} runs"]
         broken = sorted((each for each in self.criteria if not each.ok), key=lambda criterion: criterion.cause >= 0)
         lines += [f"not kept: {each.name} {each.value:.4g}, limit {each.limit:.4g} ({each.where})" for each in broken]
-        options = _allowing(broken)
-        lines += [f"to allow {'it' if len(broken) == 1 else 'them'}: {options}"] if options else []
+        options, left = _allowing(broken), ", ".join(each.name for each in self.blocking)
+        left = f"; NOT PROVEN until {left} is remedied, too" if left else ""
+        lines += [f"to allow {'it' if len(broken) == 1 else 'them'}: {options}{left}"] if options else []
         for each in self.blocking:
             remedy = _REMEDIES.get(each.name) or remedy_of(each.name, [])
             lines.append(f"not proven ({each.name}): {each.message}; {remedy}, or --accept {each.name}")
