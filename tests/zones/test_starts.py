@@ -35,8 +35,8 @@ def test_of_many_zones_each_is_started_first_and_last_and_before_all_others_at_o
 
 def test_a_verdict_says_that_any_order_is_proven_only_where_all_were_run():
     runs = [name_order(order, "abc") for order in start_orders(3)]
-    assert runs[0] == "zones started in turn: a, then b, then c"
-    assert runs[-1] == "zones started in turn: c, then a and b"
+    assert runs[0] == "zones started in turn: a, then b and c"
+    assert runs[-1] == "zones started in turn: c, then b, then a"
     assert "one after the other in every order" in summarize_orders("abc", runs)[0]
     assert summarize_orders("abc", runs[:-1]) == []
 
@@ -49,15 +49,16 @@ def test_a_zone_at_rest_that_its_neighbours_push_beyond_its_setpoint_breaks_the_
     assert proof.verdict == "PASS", proof.summary()
     assert "starts: all zones together; one after the other in every order" in proof.brief()
     worst = next(each for each in proof.criteria if each.name == "overshoot [%]")
-    assert worst.where == "zone b, start, zones started in turn: b, then a and c"  # all zones together overshoot by 8 %
+    assert worst.where == "zone b, start, zones started in turn: b, then a and c, mains power 81 %"  # all at once: 8 %
+    weak = replace(network, gains_degC_per_pct=tuple(0.81 * gain for gain in network.gains_degC_per_pct))
     rest = round(6000.0 / proof.words[0].sample_time_s)  # 25 time constants of a zone
-    found = started(network, proof, (1, 0, 2), np.array([rest, 0]), rest, noise_degC=0.0)
+    found = started(weak, proof, (1, 0, 2), np.array([rest, 0]), rest, noise_degC=0.0)
     assert not found.complaint
     assert found.pushed * 20.0 == pytest.approx(worst.value, rel=0.05)  # of the general limit of 20 %
     limits = replace(proof.specification.limits, overshoot_pct=9.0)
     strict = prove_zones(proof.design, proof.fitted, replace(proof.specification, limits=limits))
     assert strict.verdict == "FAIL"
-    assert "zone 2 overshoots by 10." in started(network, strict, (1, 0, 2), np.array([rest, 0]), rest, noise_degC=0.0).complaint
+    assert "zone 2 overshoots by 1" in started(weak, strict, (1, 0, 2), np.array([rest, 0]), rest, noise_degC=0.0).complaint
 
 
 @pytest.mark.parametrize("target", ["s5-ob251", pytest.param("s7-300", marks=pytest.mark.sample)])

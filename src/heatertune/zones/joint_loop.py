@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
 from typing import Any, Final, NamedTuple, TypeVar, cast
 
@@ -20,11 +20,14 @@ from heatertune.compiled import bound, compile_function, worth_compiling
 from heatertune.errors import InputError
 from heatertune.plc import controller_for
 from heatertune.plc.core import StepFunctions
-from heatertune.plc.pwm import INSTANT_S, Actuator
+from heatertune.plc.pwm import INSTANT_S, Actuator, in_ticks
 from heatertune.plc.single_precision import to_single
 from heatertune.plc.words import Words
 from heatertune.proof.kernel import SetpointProgram, setpoint_word_now
 from heatertune.proof.loop import LoopController, actuator_of, in_loop
+from heatertune.proof.prove_words import actuator_for
+from heatertune.proof.ripple_and_wear import ripple_degC
+from heatertune.settings import Conditions
 from heatertune.zones.joint_kernel import (
     KINDS,
     JointArrays,
@@ -39,9 +42,9 @@ from heatertune.zones.joint_kernel import (
 from heatertune.zones.network import ThermalNetwork
 
 __all__ = [
-    "JointTrace", "PeakPower", "RunPhase", "ZoneEvent", "ZoneLoop", "bound_kernel", "event_arrays", "memory_at_rest",
-    "nested_pairs", "network_arrays", "offsets_for", "overshoot_criteria", "ramp_program", "residual_error_degC",
-    "rest_criteria", "run_zones", "tightest_degC", "zone_spread",
+    "JointTrace", "PeakPower", "RunPhase", "ZoneEvent", "ZoneLoop", "bound_kernel", "calm_actuator", "event_arrays",
+    "memory_at_rest", "nested_pairs", "network_arrays", "offsets_for", "overshoot_criteria", "ramp_program",
+    "residual_error_degC", "rest_criteria", "run_zones", "tightest_degC", "zone_spread",
 ]
 
 _Made = TypeVar("_Made")
@@ -53,6 +56,7 @@ _FREE_PCT: Final = 2.0  # from a limit of the power: nearer, it may stay for tha
 _FADING: Final = 10  # scans after which P and D parts stay
 _MOST_TRIES: Final = 1000  # of moving the power to the middle
 _STAYS: Final = 300  # scans without a change of the power: such an error is never corrected
+_RIPPLE: Final = 0.2  # of the tolerance, peak to peak: so much is left to the PWM
 _OF_RANGE: Final = 0.25  # of the sensor's counts: larger errors are not tried
 
 
@@ -351,6 +355,38 @@ def memory_at_rest(loop: ZoneLoop, network: ThermalNetwork, periods: int, edges:
         period_counts=period_counts, edge_counts=edge_counts, arrival_counts=arrival_counts, pulse_counts=pulse_counts,
         edges=np.zeros((count, edges)), pulse_begin=np.zeros((count, periods)), pulse_end=np.zeros((count, periods)),
         overflows=np.zeros(1, dtype=np.int64))
+
+
+def calm_actuator(
+    conditions: Conditions, words: Words, network: ThermalNetwork, setpoints_degC: Sequence[float],
+    tolerance_degC: float,
+) -> Actuator:
+    """Return the switch of every zone; without a stated PWM period, TA in as many parts as a small ripple takes.
+
+    Args:
+        conditions: of the proof.
+        words: of one of the zones.
+        network: the heaters.
+        setpoints_degC: of the zones [°C].
+        tolerance_degC: at rest; the ripple may take a fifth of it [°C].
+
+    Raises:
+        InputError, OutOfRange: as `actuator_for`.
+    """
+    actuator, controller = actuator_for(conditions, words), controller_for(words.target)
+    if {conditions.pwm_period_s, controller.timing(words).pwm_period_s, controller.pwm_period_s} != {None}:
+        return actuator
+    held = np.clip(network.holding_pct(setpoints_degC), 0.0, 100.0)
+    heaters = [(network.neighbours_held(zone), float(power)) for zone, power in enumerate(held)]
+    parts = words.sample_time_s / np.arange(1, max(int(words.sample_time_s), 1) + 1)
+    for period in map(float, parts[parts <= actuator.pwm_period_s]):
+        if not in_ticks(period, controller.tick_s):
+            continue
+        actuator = actuator_for(replace(conditions, pwm_period_s=period), words)
+        ripple = max(ripple_degC(heater, period, power) for heater, power in heaters)
+        if ripple <= _RIPPLE * tolerance_degC:
+            break
+    return actuator
 
 
 def offsets_for(duties_pct: npt.ArrayLike, period_s: float, resolution_s: float) -> tuple[float, ...]:

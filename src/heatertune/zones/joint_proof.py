@@ -19,12 +19,10 @@ from heatertune.errors import InputError, OutOfRange
 from heatertune.model.findings import KINDS, Finding, remedy_of
 from heatertune.plc import controller_for
 from heatertune.plc.open_points import settings_to_prove
-from heatertune.plc.pwm import Actuator, in_ticks
+from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Certificate, Words
 from heatertune.proof.criteria import LoopLimits
 from heatertune.proof.heaters import MAINS_POWERS, RESERVE_PCT
-from heatertune.proof.prove_words import actuator_for
-from heatertune.proof.ripple_and_wear import ripple_degC
 from heatertune.proof.specification import GENERAL, preset, specification_of
 from heatertune.proof.verdict import FitDiagnostics
 from heatertune.settings import Conditions
@@ -36,6 +34,7 @@ from heatertune.zones.joint_loop import (
     RunPhase,
     ZoneEvent,
     ZoneLoop,
+    calm_actuator,
     offsets_for,
     overshoot_criteria,
     residual_error_degC,
@@ -65,7 +64,6 @@ _IDLE_PCT: Final = 1.0  # power that a zone needs at least to hold its setpoint
 _NOT_TESTED: Final = ("a sensor that breaks", "mains that change while the zones run", "a setpoint profile")
 #: criteria of the setpoints alone
 HOLDING_POWERS: Final = ("power to hold the setpoints [%]", "cooling that a zone would need [%]")
-_RIPPLE: Final = 0.2  # of the tolerance, peak to peak: so much is left to the PWM
 _COOLS: Final = 3.0  # time constants in which an overheated zone cools down
 _STEPS: Final = ("log a step of each zone's power, one after the other, each until all temperatures are steady, with "
                  "doors and fans unchanged")
@@ -236,14 +234,14 @@ class JointProof:
         broken = sorted((each for each in self.criteria if not each.ok), key=lambda criterion: criterion.cause >= 0)
         lines += [f"not kept: {each.name} {each.value:.4g}, limit {each.limit:.4g} ({each.where})" for each in broken]
         options, left = _allowing(broken), ", ".join(each.name for each in self.blocking)
-        left = f"; NOT PROVEN until {left} is remedied, too" if left else ""
-        lines += [f"to allow {'it' if len(broken) == 1 else 'them'}: {options}{left}"] if options else []
+        lines += [f"to allow {'it' if len(broken) == 1 else 'them'}: {options}"
+                  f"{left and f'; NOT PROVEN until {left} is remedied, too'}"] if options else []
         for each in self.blocking:
             remedy = _REMEDIES.get(each.name) or remedy_of(each.name, [])
             lines.append(f"not proven ({each.name}): {each.message}; {remedy}, or --accept {each.name}")
         lines += summarize_orders(zones, self.runs)
-        lines += [f"accepted: {KINDS[name].short}" for name in self.accepted]
-        lines += dict.fromkeys(f"assumed: {each.kind.short}" for each in self.findings if each.kind.is_assumption)
+        lines += [*(f"accepted: {KINDS[name].short}" for name in self.accepted), *dict.fromkeys(
+            f"assumed: {each.kind.short}" for each in self.findings if each.kind.is_assumption)]
         lines += [f"not tested: {', '.join(self.not_tested)}"] if self.not_tested else []
         lines += [f"{each.name}: {each.value:.4g} of {each.limit:.4g} ({each.where})"
                   for each in self.criteria if each.ok]
@@ -337,8 +335,7 @@ def specification_for(
     values = [setpoints_degC] * count if isinstance(setpoints_degC, int | float) else list(setpoints_degC)
     if len(values) != count:
         raise InputError(f"{len(values)} setpoints for {count} zones: state one for all, or one for each")
-    network = fitted.network
-    slowest = max(lag + dead for lag, dead in zip(network.time_constants_s, network.dead_times_s, strict=True))
+    slowest = max(map(sum, zip(fitted.network.time_constants_s, fitted.network.dead_times_s, strict=True)))
     return ZoneSpecification(setpoints_degC=tuple(map(float, values)),
                              limits=specification_of(conditions).limits_for(slowest))
 
@@ -369,7 +366,8 @@ def prove_zones(
             raise OutOfRange(f"setpoint of zone {name}", setpoint, rule)
     networks = fitted.draw(_DRAWN)
     held = [network.holding_pct(specification.setpoints_degC) for _, network in networks]
-    actuator = _calm_actuator(asked, design.words[0], specification, networks[0][1])
+    actuator = calm_actuator(
+        asked, design.words[0], networks[0][1], specification.setpoints_degC, specification.limits.tolerance_degC)
     staggered = specification.staggered or specification.peak_kw is not None
     likely = [held[0], *(held[0] * share for share in (0.9, 1.05, 1.1, 1.0 / MAINS_POWERS[0], 1.0 / MAINS_POWERS[1]))]
     offsets = (0.0,) * len(held[0])
@@ -409,26 +407,6 @@ def prove_zones(
         bound_share=peak.share, spread=spread, trace=traces[0],
         settle_s=prover.settle_s, heat_s=max(prover.heat_s, 2.0 * prover.settle_s),
         switches=dict(asked.switches), conditions=asked)
-
-
-def _calm_actuator(
-    conditions: Conditions, words: Words, specification: ZoneSpecification, network: ThermalNetwork
-) -> Actuator:
-    """Return the switch of every zone; without a stated PWM period, TA in as many parts as a small ripple takes."""
-    actuator, controller = actuator_for(conditions, words), controller_for(words.target)
-    if {conditions.pwm_period_s, controller.timing(words).pwm_period_s, controller.pwm_period_s} != {None}:
-        return actuator
-    held = np.clip(network.holding_pct(specification.setpoints_degC), 0.0, 100.0)
-    heaters = [(network.neighbours_held(zone), float(power)) for zone, power in enumerate(held)]
-    parts = words.sample_time_s / np.arange(1, max(int(words.sample_time_s), 1) + 1)
-    for period in map(float, parts[parts <= actuator.pwm_period_s]):
-        if not in_ticks(period, controller.tick_s):
-            continue
-        actuator = actuator_for(replace(conditions, pwm_period_s=period), words)
-        ripple = max(ripple_degC(heater, period, power) for heater, power in heaters)
-        if ripple <= _RIPPLE * specification.limits.tolerance_degC:
-            break
-    return actuator
 
 
 def _beyond_log(fitted: FittedNetwork, specification: ZoneSpecification) -> Iterator[Finding]:
@@ -503,8 +481,7 @@ class _Prover:
             JointCriterion(name="largest singular value of S", value=design.joint_ms, limit=JOINT_MS, where=where),
             JointCriterion(name="Ms of a zone alone", value=design.alone_ms, where=where,
                            limit=min(JOINT_MS, self.specification.limits.ms or JOINT_MS)),
-            JointCriterion(name=HOLDING_POWERS[0], value=float(most), limit=100.0 - RESERVE_PCT,
-                           where=held)]
+            JointCriterion(name=HOLDING_POWERS[0], value=float(most), limit=100.0 - RESERVE_PCT, where=held)]
         if least < 0.0:
             cold = int(np.argmin(min(powers_pct, key=np.min)))
             rise = max(map(lambda network, power: (_IDLE_PCT - power[cold]) * network.neighbours_held(
@@ -522,20 +499,30 @@ class _Prover:
         yield networks[0][0], partial(self._in_use, nominal, settings[0], every, whole=True)
         for number, (label, network) in enumerate(networks[1:]):
             yield label, partial(self._in_use, network, settings[0], [number % self.count])
-        for power in MAINS_POWERS:
-            label = f"mains power {100.0 * power:.0f} %"
-            gains = tuple(power * gain for gain in nominal.gains_degC_per_pct)
-            scaled = replace(nominal, gains_degC_per_pct=gains)
-            if float(np.max(scaled.holding_pct(self.setpoints))) <= 100.0 - RESERVE_PCT:
-                yield label, partial(self._in_use, scaled, settings[0], [0])
-            else:
-                self.not_tested.append(f"{label} (it cannot hold the setpoints)")
-        for setting in settings[1:]:
+            order = orders[number % len(orders)]
+            yield name_order(order, self.zones, label), partial(self._in_turn, network, settings[0], order)
+        yield from self._mains_runs(nominal, settings[0], orders)
+        for number, setting in enumerate(settings[1:]):
             label = ", ".join(f"{name} = {value}" for name, value in setting.items() if value != settings[0][name])
             yield label, partial(self._in_use, nominal, setting, every)
-            yield f"{name_order(orders[0], self.zones)}, {label}", partial(self._in_turn, nominal, setting, orders[0])
+            order = orders[number % len(orders)]
+            yield name_order(order, self.zones, label), partial(self._in_turn, nominal, setting, order)
         for order in orders:
             yield name_order(order, self.zones), partial(self._in_turn, nominal, settings[0], order)
+
+    def _mains_runs(
+        self, nominal: ThermalNetwork, setting: Mapping[str, str], orders: Sequence[StartOrder]
+    ) -> Iterator[tuple[str, partial[tuple[JointTrace, list[JointCriterion]]]]]:
+        """Yield label and run of zones on weak and strong mains, all together and started in each order."""
+        for power in MAINS_POWERS:
+            label = f"mains power {100.0 * power:.0f} %"
+            scaled = replace(nominal, gains_degC_per_pct=tuple(power * gain for gain in nominal.gains_degC_per_pct))
+            if float(np.max(scaled.holding_pct(self.setpoints))) <= 100.0 - RESERVE_PCT:
+                yield label, partial(self._in_use, scaled, setting, [0])
+                for order in orders:
+                    yield name_order(order, self.zones, label), partial(self._in_turn, scaled, setting, order)
+            else:
+                self.not_tested.append(f"{label} (it cannot hold the setpoints)")
 
     def _heat_up_s(self, network: ThermalNetwork) -> float:
         share = min(float(np.max(network.holding_pct(self.setpoints))) / 100.0, 0.95)

@@ -17,7 +17,7 @@ _EVERY: Final = 3  # zones of which every order is run
 def start_orders(zones: int) -> tuple[StartOrder, ...]:
     """Return the orders in which so many zones are started: of up to three every order, of more each first and last.
 
-    In some, a zone that rests is followed by all others at once, which move it the most.
+    In the first ones, a zone that rests is followed by all others at once, which move it the most.
     """
     every = range(zones)
     alone = [(zone, tuple(other for other in every if other != zone)) for zone in every]
@@ -26,12 +26,13 @@ def start_orders(zones: int) -> tuple[StartOrder, ...]:
         orders = [tuple(every), tuple(every[::-1]), (*every[::2], *every[1::2]), (*every[1::2], *every[::2])]
         last = [(others, (zone,)) for zone, others in alone]
     first = [((zone,), others) for zone, others in alone if others]
-    return tuple(dict.fromkeys([*(tuple((zone,) for zone in order) for order in orders), *first, *last]))
+    return tuple(dict.fromkeys([*first, *(tuple((zone,) for zone in order) for order in orders), *last]))
 
 
-def name_order(order: StartOrder, zones: Sequence[str]) -> str:
-    """Return the label of a run in which zones of these names are started in an order."""
-    return "zones started in turn: " + ", then ".join(" and ".join(zones[zone] for zone in group) for group in order)
+def name_order(order: StartOrder, zones: Sequence[str], more: str = "") -> str:
+    """Return the label of a run in which zones of these names are started in an order; `more`: what else differs."""
+    groups = ", then ".join(" and ".join(zones[zone] for zone in group) for group in order)
+    return f"zones started in turn: {groups}{more and ', '}{more}"
 
 
 def summarize_orders(zones: Sequence[str], runs: Sequence[str]) -> list[str]:
