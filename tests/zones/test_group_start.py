@@ -15,8 +15,8 @@ from heatertune.plc.ramp import Ramp
 from heatertune.proof.proof_document import with_digest
 from heatertune.settings import Conditions
 from heatertune.zones import design_zones, export_zones, network_by_hand
-from heatertune.zones.joint_loop import ZoneLoop, zone_spread
-from heatertune.zones.joint_proof import SPREAD_NAME, JointCriterion, specification_for
+from heatertune.zones.joint_loop import JointCriterion, ZoneLoop, zone_spread
+from heatertune.zones.joint_proof import SPREAD_NAME, specification_for
 from heatertune.zones.zone_record import design_files
 from heatertune.zones.zones_folder import prove_again, read_zones_design, to_document
 from tests.bench.zone_judge import judge, live, ramp_of, settling, spread

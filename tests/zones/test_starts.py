@@ -49,16 +49,17 @@ def test_a_zone_at_rest_that_its_neighbours_push_beyond_its_setpoint_breaks_the_
     assert proof.verdict == "PASS", proof.summary()
     assert "starts: all zones together; one after the other in every order" in proof.brief()
     worst = next(each for each in proof.criteria if each.name == "overshoot [%]")
-    assert worst.where == "zone b, start, zones started in turn: b, then a and c, mains power 81 %"  # all at once: 8 %
-    weak = replace(network, gains_degC_per_pct=tuple(0.81 * gain for gain in network.gains_degC_per_pct))
-    rest = round(6000.0 / proof.words[0].sample_time_s)  # 25 time constants of a zone
-    found = started(weak, proof, (1, 0, 2), np.array([rest, 0]), rest, noise_degC=0.0)
-    assert not found.complaint
-    assert found.pushed * 20.0 == pytest.approx(worst.value, rel=0.05)  # of the general limit of 20 %
+    assert worst.where == "zone b, start, zones started in turn: b, then a and c, in quick succession"  # all at once: 8 %
+    interval = proof.words[0].sample_time_s
+    found = [started(network, proof, (1, 0, 2), np.array([round(gap_s / interval), 0]), round(6000.0 / interval), noise_degC=0.0)
+             for gap_s in (100.0, 150.0, 200.0, 250.0, 300.0, 400.0, 6000.0)]
+    assert not any(each.complaint for each in found)
+    assert max(each.pushed for each in found) * 20.0 == pytest.approx(worst.value, rel=0.05)  # of the general limit of 20 %
+    assert found[-1].pushed < 0.9 * max(each.pushed for each in found)  # those that start when b rests push it less
     limits = replace(proof.specification.limits, overshoot_pct=9.0)
     strict = prove_zones(proof.design, proof.fitted, replace(proof.specification, limits=limits))
     assert strict.verdict == "FAIL"
-    assert "zone 2 overshoots by 1" in started(weak, strict, (1, 0, 2), np.array([rest, 0]), rest, noise_degC=0.0).complaint
+    assert "zone 2 overshoots by 1" in started(network, strict, (1, 0, 2), np.array([round(200.0 / interval), 0]), 2000).complaint
 
 
 @pytest.mark.parametrize("target", ["s5-ob251", pytest.param("s7-300", marks=pytest.mark.sample)])

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
-from typing import Any, Final, NamedTuple, TypeVar, cast
+from typing import Any, Final, NamedTuple, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -42,12 +42,10 @@ from heatertune.zones.joint_kernel import (
 from heatertune.zones.network import ThermalNetwork
 
 __all__ = [
-    "JointTrace", "PeakPower", "RunPhase", "ZoneEvent", "ZoneLoop", "bound_kernel", "calm_actuator", "event_arrays",
-    "memory_at_rest", "nested_pairs", "network_arrays", "offsets_for", "overshoot_criteria", "ramp_program",
-    "residual_error_degC", "rest_criteria", "run_zones", "tightest_degC", "zone_spread",
+    "JointCriterion", "JointTrace", "PeakPower", "RunPhase", "ZoneEvent", "ZoneLoop", "bound_kernel", "calm_actuator",
+    "event_arrays", "memory_at_rest", "nested_pairs", "network_arrays", "offsets_for", "overshoot_criteria",
+    "ramp_program", "residual_error_degC", "rest_criteria", "run_zones", "tightest_degC", "zone_spread",
 ]
-
-_Made = TypeVar("_Made")
 
 _MOST_PLAIN: Final = 20_000  # scans of all zones that take as long as to compile the kernel
 _ORDERS: Final = 100  # of the zones' pulses tried at random
@@ -425,6 +423,34 @@ def _most_at_once(begins: Array, shares: Array) -> int:
     return int(np.max(np.sum(since < shares - 1e-9, axis=1)))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointCriterion:
+    """One figure of a run and its limit.
+
+    Attributes:
+        name: what was measured, with its unit.
+        value, limit: the value must not exceed the limit.
+        where: zone and run.
+        cause: number of the zone whose slower controller would lower the value; -1: of none alone.
+    """
+
+    name: str
+    value: float
+    limit: float
+    where: str
+    cause: int = -1
+
+    @property
+    def ok(self) -> bool:
+        """Whether the limit is kept."""
+        return self.value <= self.limit
+
+    @property
+    def share(self) -> float:
+        """The value as a share of its limit; a limit of 0 that is kept counts as 0."""
+        return 0.0 if self.value <= 0.0 else self.value / self.limit if self.limit > 0.0 else math.inf
+
+
 class RunPhase(NamedTuple):
     """A part of a run: what is judged between two instants."""
 
@@ -463,9 +489,9 @@ def tightest_degC(whole_degC: float, most_pct: float | None, most_degC: float | 
 
 
 def overshoot_criteria(
-    make: Callable[..., _Made], rise_degC: float, name: str, beyond_degC: Array,
+    make: Callable[..., JointCriterion], rise_degC: float, name: str, beyond_degC: Array,
     most: tuple[float | None, float | None],
-) -> Iterator[_Made]:
+) -> Iterator[JointCriterion]:
     """Yield an overshoot as a share of the rise, if it is limited, as a share of the rise or in °C.
 
     Args:
@@ -480,8 +506,8 @@ def overshoot_criteria(
 
 
 def rest_criteria(
-    make: Callable[..., _Made], errors: tuple[Array, Array, Array], tolerance_degC: float
-) -> Iterator[_Made]:
+    make: Callable[..., JointCriterion], errors: tuple[Array, Array, Array], tolerance_degC: float
+) -> Iterator[JointCriterion]:
     """Yield offset, swing and largest error in the last fifth of a phase.
 
     Args:

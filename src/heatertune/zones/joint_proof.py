@@ -29,6 +29,7 @@ from heatertune.settings import Conditions
 from heatertune.units import check
 from heatertune.zones.identify import FittedNetwork
 from heatertune.zones.joint_loop import (
+    JointCriterion,
     JointTrace,
     PeakPower,
     RunPhase,
@@ -48,7 +49,7 @@ from heatertune.zones.network import ThermalNetwork
 from heatertune.zones.start_orders import StartOrder, name_order, start_orders, summarize_orders
 
 __all__ = [
-    "HOLDING_POWERS", "SPREAD_NAME", "JointCriterion", "JointProof", "ZoneSpecification", "prove_zones",
+    "HOLDING_POWERS", "SPREAD_NAME", "JointProof", "ZoneSpecification", "prove_zones",
     "specification_for",
 ]
 
@@ -64,6 +65,7 @@ _IDLE_PCT: Final = 1.0  # power that a zone needs at least to hold its setpoint
 _NOT_TESTED: Final = ("a sensor that breaks", "mains that change while the zones run", "a setpoint profile")
 #: criteria of the setpoints alone
 HOLDING_POWERS: Final = ("power to hold the setpoints [%]", "cooling that a zone would need [%]")
+_NEAR: Final = 0.85  # of the time that a zone heats up with full power
 _COOLS: Final = 3.0  # time constants in which an overheated zone cools down
 _STEPS: Final = ("log a step of each zone's power, one after the other, each until all temperatures are steady, with "
                  "doors and fans unchanged")
@@ -123,34 +125,6 @@ class ZoneSpecification:
     def most_kw(self, heaters: int) -> float | None:
         """Return the power of so many heaters, the largest of all; None where the rated power is not stated [kW]."""
         return sum(sorted(self.rated_kw, reverse=True)[:heaters]) if self.rated_kw else None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class JointCriterion:
-    """One figure of a run and its limit.
-
-    Attributes:
-        name: what was measured, with its unit.
-        value, limit: the value must not exceed the limit.
-        where: zone and run.
-        cause: number of the zone whose slower controller would lower the value; -1: of none alone.
-    """
-
-    name: str
-    value: float
-    limit: float
-    where: str
-    cause: int = -1
-
-    @property
-    def ok(self) -> bool:
-        """Whether the limit is kept."""
-        return self.value <= self.limit
-
-    @property
-    def share(self) -> float:
-        """The value as a share of its limit; a limit of 0 that is kept counts as 0."""
-        return 0.0 if self.value <= 0.0 else self.value / self.limit if self.limit > 0.0 else math.inf
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -507,8 +481,17 @@ class _Prover:
             yield label, partial(self._in_use, nominal, setting, every)
             order = orders[number % len(orders)]
             yield name_order(order, self.zones, label), partial(self._in_turn, nominal, setting, order)
+        yield from self._starts(nominal, settings[0], orders)
+
+    def _starts(
+        self, network: ThermalNetwork, setting: Mapping[str, str], orders: Sequence[StartOrder], label: str = ""
+    ) -> Iterator[tuple[str, partial[tuple[JointTrace, list[JointCriterion]]]]]:
+        """Yield label and run of zones started in each order, and in the first ones in quick succession."""
         for order in orders:
-            yield name_order(order, self.zones), partial(self._in_turn, nominal, settings[0], order)
+            yield name_order(order, self.zones, label), partial(self._in_turn, network, setting, order)
+        for order in orders[:self.count]:
+            name = ", ".join(["in quick succession", *filter(None, [label])])
+            yield name_order(order, self.zones, name), partial(self._in_turn, network, setting, order, quick=True)
 
     def _mains_runs(
         self, nominal: ThermalNetwork, setting: Mapping[str, str], orders: Sequence[StartOrder]
@@ -519,8 +502,7 @@ class _Prover:
             scaled = replace(nominal, gains_degC_per_pct=tuple(power * gain for gain in nominal.gains_degC_per_pct))
             if float(np.max(scaled.holding_pct(self.setpoints))) <= 100.0 - RESERVE_PCT:
                 yield label, partial(self._in_use, scaled, setting, [0])
-                for order in orders:
-                    yield name_order(order, self.zones, label), partial(self._in_turn, scaled, setting, order)
+                yield from self._starts(scaled, setting, orders, label)
             else:
                 self.not_tested.append(f"{label} (it cannot hold the setpoints)")
 
@@ -596,22 +578,34 @@ class _Prover:
             now += lasts + again
         return now
 
-    def _in_turn(self, network: ThermalNetwork, switches: Mapping[str, str],
-                 order: StartOrder) -> tuple[JointTrace, list[JointCriterion]]:
-        """Start groups of zones one after the other, each when those before it have had time to settle."""
+    def _in_turn(self, network: ThermalNetwork, switches: Mapping[str, str], order: StartOrder, *,
+                 quick: bool = False) -> tuple[JointTrace, list[JointCriterion]]:
+        """Start groups of zones one after the other, when those before have settled, or soon (`quick`)."""
         events, phases, begun, now = list[ZoneEvent](), list[RunPhase](), tuple[int, ...](), 0.0
         for group in order:
             begun = *begun, *group
-            rests = self._can_hold(network, begun)  # else the zones tend to where they are with full power
-            end = now + self._heat_up_s(network) + (0.0 if rests else _COOLS * max(network.time_constants_s))
+            lasts, rests = self._stage(network, begun, quick=quick and group != order[-1])
             events += [event for zone in group for event in (
                 ZoneEvent(now, "setpoint", zone, float(self.setpoints[zone])), ZoneEvent(now, "on", zone))]
-            phases.append(RunPhase("start", group[0] if len(group) == 1 else -1, now, end, started=group, rests=rests,
-                                   idle=tuple(zone for zone in range(self.count) if zone not in begun)))
-            now = end
+            phases.append(RunPhase(
+                "start", group[0] if len(group) == 1 else -1, now, now + lasts, started=group, rests=rests,
+                idle=tuple(zone for zone in range(self.count) if zone not in begun)))
+            now += lasts
         phases.append(RunPhase("all started", -1, now, now + self.settle_s))
         trace = run_zones(self.loop, network, events, now + self.settle_s, switches=switches)
         return trace, self._judged(trace, network, phases, self._residual_error_degC(switches))
+
+    def _stage(self, network: ThermalNetwork, begun: Sequence[int], *, quick: bool) -> tuple[float, bool]:
+        """Return how long zones run before others start [s], and whether they rest then or only near their setpoints.
+
+        Others push a zone the most that nears its setpoint, or that full power does not bring there.
+        """
+        if quick:
+            near = [max(_NEAR * network.rise_time_s(zone, self.setpoints[zone], 100.0 - RESERVE_PCT),
+                        self.ramp_s_per_degC * (self.setpoints[zone] - network.ambients_degC[zone])) for zone in begun]
+            return max(near), False
+        rests = self._can_hold(network, begun)
+        return self._heat_up_s(network) + (0.0 if rests else _COOLS * max(network.time_constants_s)), rests
 
     def _can_hold(self, network: ThermalNetwork, zones: Sequence[int]) -> bool:
         """Return whether some zones hold their setpoints while the others get no power."""

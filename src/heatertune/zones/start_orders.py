@@ -46,5 +46,5 @@ def summarize_orders(zones: Sequence[str], runs: Sequence[str]) -> list[str]:
     if not {name_order(order, zones) for order in orders} <= {*runs}:
         return []
     which = "every order" if len(zones) <= _EVERY else f"{len(orders)} orders, each zone first and last"
-    return [f"starts: all zones together; one after the other in {which}, each when those before it rest"
-            + ("; one before all others together" if len(zones) > 2 else "")]
+    first = "; one before all others, which follow when it rests or nears its setpoint" if len(zones) > 1 else ""
+    return [f"starts: all zones together; one after the other in {which}, each when those before it rest{first}"]
