@@ -1,6 +1,7 @@
 """The programs of all zones, run as one text in the emulated CPUs beside the joint loop, and the command that makes them."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -17,9 +18,11 @@ from heatertune.plc.s5_ob251.step import COLD, Ob251Assumptions, step
 from heatertune.plc.s5_ob251.words import parameters_of
 from heatertune.plc.single_precision import single
 from heatertune.settings import Conditions
+from heatertune.studio.zones_design import parameters_html
 from heatertune.zones import design_zones, network_by_hand, prove_zones
 from heatertune.zones.joint_loop import ZoneEvent, ZoneLoop, run_zones
 from heatertune.zones.zone_export import demand_program, export_zones
+from heatertune.zones.zone_record import design_files
 from tests.zones.networks import chain, logged, steps
 
 SETPOINTS = (55.0, 60.0, 65.0)
@@ -223,6 +226,18 @@ def test_a_zone_whose_sensor_broke_comes_back_with_the_offset_of_its_pwm(proofs,
         begins = begins[(begins < broken.start) | (begins >= manual.stop)] if zone == 1 else begins
         assert len(begins) >= 4
         assert {*(begins - round(offset_s / proof.actuator.resolution_s)) % period} == {0}, (zone, begins)
+
+
+@pytest.mark.parametrize("shown", [
+    pytest.param(lambda proof: str(design_files(proof, force=False)["record.html"]).split("<h2>Zone ")[1:], id="record"),
+    pytest.param(lambda proof: parameters_html(proof).split("<h3>Zone ")[1:], id="studio")])
+@pytest.mark.parametrize(("target", "first"), [("s5-ob251", 30), ("s7-300", 100)])
+def test_the_tables_of_a_zone_name_its_own_blocks(proofs, shown, target, first):
+    """As of the second zone's setpoint of OB251, which stands in DW 0 of DB41 and was said to stand in DB31."""
+    for number, section in enumerate(shown(proofs[target])):
+        named = {int(block) for block in re.findall(r"\bDB ?(\d+)\b", section.partition("<h2>")[0])}
+        assert named
+        assert {block - 10 * number for block in named} <= {*range(first, first + 4)}, (target, number, named)
 
 
 @pytest.mark.long

@@ -36,7 +36,7 @@ from heatertune.writing import read_bytes
 from heatertune.zones.identify import FittedNetwork, ZoneLog, fit_network
 from heatertune.zones.joint_design import design_zones
 from heatertune.zones.joint_proof import JointProof, specification_for
-from heatertune.zones.zone_export import demand_pass, demand_program
+from heatertune.zones.zone_export import demand_pass, demand_program, text_of_zone
 from heatertune.zones.zone_reader import numbers_in, read_zones, zones_in
 from heatertune.zones.zone_record import block_of_zone, design_files
 from heatertune.zones.zones_folder import prove_again, read_zones_design
@@ -311,7 +311,7 @@ def parameters_html(proof: JointProof) -> str:
             f"<h3>Zone {text_of(zone)}: {text_of(words.target)}</h3><p>Setpoint {figure(setpoint)} °C; K "
             f"{figure(design.gain_pct_per_degC)} %/°C, TN {figure(design.integral_time_s)} s, TA "
             f"{figure(words.sample_time_s)} s; PWM period begins at {figure(proof.offsets_s[number])} s."
-            f"{text_of(place)}</p>{words_html(words, setpoint)}")
+            f"{text_of(place)}</p>{text_of_zone(words.target, words_html(words, setpoint), number)}")
     return "".join(parts)
 
 
