@@ -604,8 +604,8 @@ class _Prover:
             near = [max(_NEAR * network.rise_time_s(zone, self.setpoints[zone], 100.0 - RESERVE_PCT),
                         self.ramp_s_per_degC * (self.setpoints[zone] - network.ambients_degC[zone])) for zone in begun]
             return max(near), False
-        rests = self._can_hold(network, begun)
-        return self._heat_up_s(network) + (0.0 if rests else _COOLS * max(network.time_constants_s)), rests
+        slow_s = _COOLS * max(network.time_constants_s) if len(begun) < self.count else 0.0  # zones that are off
+        return self._heat_up_s(network) + slow_s, self._can_hold(network, begun)
 
     def _can_hold(self, network: ThermalNetwork, zones: Sequence[int]) -> bool:
         """Return whether some zones hold their setpoints while the others get no power."""
