@@ -13,6 +13,10 @@ typedef struct {
     const double *dead;                    /* of each zone, with the controller's own delay [s] */
     const double *asked, *load, *noise;    /* of each scan and zone [degC, %, degC] */
     const double *shares;                  /* that all others lose while a heater is on; dead times are equal where any do */
+    const int64_t *begins;                 /* scan at which each zone's controller is started */
+    const double *offsets;                 /* begin of each zone's first PWM period [s] */
+    double *pulses;                        /* zone, begin and end of each pulse at the switch, rows of 3 [s]; with places for */
+    int64_t places;                        /* so many; how many there are comes back here */
 } Network;
 
 typedef struct { double due, level; } Turn;
@@ -35,9 +39,14 @@ static int turn(Zone *z, double due, double level)
     return 0;
 }
 
-static int zone_pulse(const Case *c, Zone *z, double now, double dead, double period)
+static int zone_pulse(Network *w, int i, const Case *c, Zone *z, double now, double dead, double period, int64_t *rows)
 {
     double on = on_time(c, z->asked_pct, period, &z->carried);
+    if (on > 0.0) {
+        if (*rows == w->places) return 1;
+        double *row = w->pulses + 3 * (*rows)++;
+        row[0] = i, row[1] = now, row[2] = now + on;
+    }
     if (on > 0.0 && turn(z, now + dead, 1.0)) return 1;
     return on < period && turn(z, now + on + dead, 0.0);
 }
@@ -85,11 +94,12 @@ static void powers_within(Zone *zones, int n, const double *shares, double from,
 }
 
 /* temperatures: of each scan and zone; highest: of each scan up to the next one; start: of each zone; 1: too many pulses */
-int zone_judge(const Network *w, const Case *cases, const double *start, double *temperatures, double *highest, double *powers)
+int zone_judge(Network *w, const Case *cases, const double *start, double *temperatures, double *highest, double *powers)
 {
     int n = w->zones, m = w->bodies, wrong = 0;
     Zone *zones = calloc((size_t)n, sizeof *zones);
-    double t[64], next[64], u[64];
+    double t[64], next[64], u[64], length = (double)w->period * w->h;
+    int64_t rows = 0, periods[64] = { 0 };
     memcpy(t, start, (size_t)m * sizeof *t);
     int64_t steps = (int64_t)w->scans * w->scan;
     for (int64_t k = 0; k < steps && !wrong; k++) {
@@ -100,6 +110,7 @@ int zone_judge(const Network *w, const Case *cases, const double *start, double 
                 const Case *c = &cases[i];
                 double asked = w->asked[s * n + i], seen = t[i] + w->noise[s * n + i];
                 temperatures[s * n + i] = highest[s * n + i] = t[i];
+                if (s < w->begins[i]) continue;
                 if (c->ramp == 0.0) zones[i].word = reading_of(c, asked);
                 else {
                     if (zones[i].calls == 0) zones[i].word = reading_of(c, seen);
@@ -109,9 +120,10 @@ int zone_judge(const Network *w, const Case *cases, const double *start, double 
                 zones[i].asked_pct = controlled(c, &zones[i].m, zones[i].word, reading_of(c, seen));
                 powers[s * n + i] = zones[i].asked_pct;
             }
-        if (k % w->period == 0)
-            for (int i = 0; i < n; i++)
-                wrong |= zone_pulse(&cases[i], &zones[i], now, w->dead[i], (double)w->period * w->h);
+        for (int i = 0; i < n; i++)
+            for (; w->offsets[i] + (double)periods[i] * length < now + w->h - 1e-9; periods[i]++)
+                wrong |= zone_pulse(w, i, &cases[i], &zones[i], w->offsets[i] + (double)periods[i] * length, w->dead[i], length,
+                                    &rows);
         if (w->shares) powers_within(zones, n, w->shares, now, w->h, u);
         else for (int i = 0; i < n; i++) u[i] = zone_power(&zones[i], now, w->h);
         for (int i = 0; i < n; i++) u[i] = 100.0 * u[i] - w->load[s * n + i];
@@ -124,6 +136,7 @@ int zone_judge(const Network *w, const Case *cases, const double *start, double 
         for (int i = 0; i < n; i++)
             if (t[i] > highest[s * n + i]) highest[s * n + i] = t[i];
     }
+    w->places = rows;
     free(zones);
     return wrong;
 }

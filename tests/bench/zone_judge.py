@@ -30,7 +30,8 @@ _STEP_S = 0.25
 class _Network(ctypes.Structure):
     _fields_ = (("zones", ctypes.c_int), ("bodies", ctypes.c_int), ("scans", ctypes.c_int), ("h", ctypes.c_double), ("scan", ctypes.c_int64),
                 ("period", ctypes.c_int64), *((name, ctypes.c_void_p) for name in (
-                    "move", "drive", "constant", "dead", "asked", "load", "noise", "shares")))
+                    "move", "drive", "constant", "dead", "asked", "load", "noise", "shares", "begins", "offsets", "pulses")),
+                ("places", ctypes.c_int64))
 
 
 class Phase(NamedTuple):
@@ -103,7 +104,24 @@ def ramp_of(words):
 
 def live(network, proof, *, settle_s, noise_degC, seed, settings):
     """Return phases, temperatures, highest temperatures between scans and setpoints, each of shape (scans, n)."""
-    words, spec, actuator = proof.words, proof.specification, proof.actuator
+    phases, asked, load = _day(network, proof.specification, math.ceil(settle_s / proof.words[0].sample_time_s))
+    temperatures, highest, *_ = simulated(network, proof, asked, load, noise_degC=noise_degC, seed=seed, settings=settings)
+    return phases, temperatures, highest, asked
+
+
+def simulated(network, proof, asked, load, *, noise_degC=0.0, seed=0, settings=None, begins=None):
+    """Return temperatures, highest ones between scans and powers, of shape (scans, n), and pulses, of shape (p, 3).
+
+    Args:
+        network: the true one.
+        proof: whose words and PWM run.
+        asked, load: setpoint and load at each scan, shape (scans, n) [°C, %].
+        noise_degC: of the readings.
+        seed: of the noise.
+        settings: of the controller's open points; None: the first of each.
+        begins: scan at which each zone's controller is started; None: all at the first one.
+    """
+    words, actuator = proof.words, proof.actuator
     count, interval = len(words), words[0].sample_time_s
     ratio = Fraction(actuator.pwm_period_s / interval).limit_denominator(64)
     h = interval / ratio.denominator
@@ -111,7 +129,6 @@ def live(network, proof, *, settle_s, noise_degC, seed, settings):
     h /= parts
     states, _, constant = balance(network)
     move, drive, still = stepped(network, h)
-    phases, asked, load = _day(network, spec, math.ceil(settle_s / interval))
     number, counts, delay = TARGETS[words[0].target]
     switches = settings or {name: choices[0] for name, choices in SWITCHES[words[0].target].items()}
     places = [choices.index(switches[name]) for name, choices in SWITCHES[words[0].target].items()]
@@ -126,14 +143,17 @@ def live(network, proof, *, settle_s, noise_degC, seed, settings):
               "asked": asked, "load": load, "noise": noise}
     if any(network.supply_shares):
         arrays["shares"] = np.array(network.supply_shares)
+    arrays["offsets"] = np.array(proof.offsets_s)
+    arrays["pulses"] = np.zeros((count * (math.ceil(len(asked) * interval / actuator.pwm_period_s) + 2), 3))
     arrays = {name: np.ascontiguousarray(array, dtype=np.float64) for name, array in arrays.items()}
+    arrays["begins"] = np.zeros(count, dtype=np.int64) if begins is None else np.array(begins, dtype=np.int64)
     outline = _Network(zones=count, bodies=len(still), scans=len(asked), h=h, scan=ratio.denominator * parts, period=ratio.numerator * parts,
-                       **{name: array.ctypes.data for name, array in arrays.items()})
+                       places=len(arrays["pulses"]), **{name: array.ctypes.data for name, array in arrays.items()})
     rest = np.linalg.solve(states, -constant)
     found = [np.zeros(asked.shape) for _ in range(3)]
     if library().zone_judge(ctypes.byref(outline), cases, *(ctypes.c_void_p(each.ctypes.data) for each in (rest, *found))):
         raise RuntimeError("too many pulses were under way")
-    return phases, found[0], found[1], asked
+    return *found, arrays["pulses"][:outline.places]
 
 
 def _day(network, spec, scans):

@@ -94,7 +94,7 @@ def demanded(monkeypatch):
 def test_the_command_asks_for_what_the_page_asks_for(settings, content, demanded, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "oven.csv").write_bytes(content)
-    more = {"peak_kw": 5.5, "deviation_degC": 3.0, "neighbours": "chain"} if "target" in settings else {}
+    more = {"peak_kw": 5.5, "deviation_degC": 3.0, "neighbours": "chain", "spread_degC": 4.5} if "target" in settings else {}
     request = ZonesRequest(files=(("oven.csv", content),), settings=StudioSettings(**settings), **REQUEST, **more)
     with pytest.raises(InputError, match="asked for"):
         zones_design.design_of(request, str)

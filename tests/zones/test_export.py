@@ -1,6 +1,7 @@
 """The programs of all zones, run as one text in the emulated CPUs beside the joint loop, and the command that makes them."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -17,9 +18,11 @@ from heatertune.plc.s5_ob251.step import COLD, Ob251Assumptions, step
 from heatertune.plc.s5_ob251.words import parameters_of
 from heatertune.plc.single_precision import single
 from heatertune.settings import Conditions
+from heatertune.studio.zones_design import parameters_html
 from heatertune.zones import design_zones, network_by_hand, prove_zones
 from heatertune.zones.joint_loop import ZoneEvent, ZoneLoop, run_zones
-from heatertune.zones.zone_export import export_zones
+from heatertune.zones.zone_export import demand_program, export_zones
+from heatertune.zones.zone_record import design_files
 from tests.zones.networks import chain, logged, steps
 
 SETPOINTS = (55.0, 60.0, 65.0)
@@ -78,10 +81,11 @@ def test_the_program_of_step_7_makes_the_run_of_the_proof_tick_by_tick(proofs, s
             assert bool(heats) == is_on(trace, zone, k * tick), (k * tick, zone)
 
 
-@pytest.mark.parametrize("ramp", [None, Ramp(step=4, calls=2)])
+@pytest.mark.parametrize(("staggered", "ramp"), [(True, None), (False, Ramp(step=4, calls=2))])
 @pytest.mark.long
-def test_the_listing_of_step_5_makes_the_run_of_the_proof_tick_by_tick(proofs, ramp):
-    proof = ramped(proofs["s5-ob251"], ramp)
+def test_the_listing_of_step_5_makes_the_run_of_the_proof_tick_by_tick(proofs, staggered, ramp):
+    proof = ramped(proofs["s5-ob251"], ramp, staggered=staggered)
+    assert any(proof.offsets_s) == staggered
     text = str(export_zones(proof, force=True)["program_listing.txt"])
     states, opened = {}, []
     parameters = [(parameters_of(words.whole), Ob251Assumptions()) for words in proof.words]
@@ -135,10 +139,105 @@ def test_blocks_inputs_and_outputs_of_no_zone_are_those_of_another(proofs):
         assert listing.count(f"\n{name}\n") == 1, name
 
 
-def test_staggered_periods_are_refused_where_the_program_begins_them_all_at_once(proofs):
-    proof = proofs["s5-ob251"]
-    with pytest.raises(InputError, match="take --target s7-300"):
-        export_zones(prove_zones(proof.design, proof.fitted, replace(proof.specification, staggered=True)))
+def test_staggered_periods_are_refused_where_the_programs_have_no_common_clock():
+    for target in ("fb41", "s7-200", "klipper"):
+        with pytest.raises(InputError, match=f"{target} have no common clock.* take --target s7-300 or s5-ob251 or iec-pid$"):
+            demand_program(target, 2, staggered=True)
+    for target in ("s7-300", "s5-ob251", "iec-pid"):
+        demand_program(target, 2, staggered=True)
+
+
+class Step7:
+    """The program of all zones in the emulated CPU, automatic from the start; a tick returns which heaters are on."""
+
+    def __init__(self, proof, readings_degC):
+        self.cpu = S7300Cpu(str(export_zones(proof, force=True)["s7_300_zones.awl"]), {})
+        self.cpu.memory["L OB 35"][10:12] = round(1000 * proof.actuator.resolution_s).to_bytes(2, "big")
+        self.readings = [int(27648 * reading / 100.0) for reading in readings_degC]
+        for zone in range(3):
+            self.cpu.put(self.cpu.member(f"DB {101 + 10 * zone}", "AUTO"), 1)
+        self.cpu.run("OB 100")
+
+    def tick(self, broken, _manual):
+        for zone, reading in enumerate(self.readings):
+            self.cpu.memory["P"][256 + 2 * zone : 258 + 2 * zone] = (32767 if zone == broken else reading).to_bytes(2, "big")
+        self.cpu.run("OB 35")
+        return [bool(self.cpu.get(self.cpu.member(f"DB {101 + 10 * zone}", "HEAT"))) for zone in range(3)]
+
+
+class Step5:
+    """Likewise; a sensor that broke is trusted again once manual was asked for."""
+
+    def __init__(self, proof, readings_degC):
+        self.states = [COLD] * 3
+        self.parameters = [(parameters_of(words.whole), Ob251Assumptions()) for words in proof.words]
+        self.cpu = S5Cpu(str(export_zones(proof, force=True)["program_listing.txt"]), {"OB 251": self.ob251})
+        self.readings = [int(2047 * reading / 100.0) << 3 for reading in readings_degC]
+        self.cpu.run("OB 22")
+
+    def ob251(self, block):
+        zone = next(i for i in range(3) if block is self.cpu.data[30 + 10 * i])
+        if block[11] & 4 or not block[11] & 1:  # off, or in manual
+            self.states[zone], block[48] = COLD, 0
+            return
+        self.states[zone], _, block[48], _ = step(self.parameters[zone], self.states[zone], block[9], block[22], False)
+
+    def tick(self, broken, manual):
+        for zone, reading in enumerate(self.readings):
+            self.cpu.inputs[f"I 0.{zone}"] = int(zone != manual)
+            self.cpu.inputs[f"PW {128 + 2 * zone}"] = reading | (2 if zone == broken else 0)
+        self.cpu.run("OB 13")
+        return [bool(self.cpu.outputs.get(f"PY {4 + zone}", 0)) for zone in range(3)]
+
+
+class Text:
+    """Likewise; a sensor that breaks puts HeaterOn off."""
+
+    def __init__(self, proof, readings_degC):
+        whole = units(str(export_zones(proof, force=True)["iec_pid_zones.st"]))
+        self.programs = [TextProgram([whole[0], unit], {}, lambda duration_ms: duration_ms / 1000.0) for unit in whole[1:]]
+        for program, reading in zip(self.programs, readings_degC, strict=True):
+            program["HeaterTemperature"] = reading
+
+    def tick(self, broken, _manual):
+        for zone, program in enumerate(self.programs):
+            program["HeaterOn"] = zone != broken
+            program.scan()
+        return [bool(program["HeaterOutput"]) for program in self.programs]
+
+
+@pytest.mark.parametrize(("target", "kind"), [("s7-300", Step7), ("s5-ob251", Step5), ("iec-pid", Text)])
+@pytest.mark.long
+def test_a_zone_whose_sensor_broke_comes_back_with_the_offset_of_its_pwm(proofs, target, kind):
+    """Else as many heaters as there are would be on at once from then on, and more than was proven."""
+    plain = proofs[target] if target in proofs else design_zones(network_by_hand(chain(3, 1.0)), target, SETPOINTS)
+    proof = ramped(plain, None, staggered=True)
+    late, period, call = (round(value / proof.actuator.resolution_s) for value in (
+        proof.offsets_s[1], proof.actuator.pwm_period_s, proof.words[0].sample_time_s))
+    assert late > 0
+    program = kind(proof, [setpoint - 7.0 for setpoint in SETPOINTS])
+    broken = range(call + late + 3, call + late + 3 + 57)  # the heater is on, and the pause is no whole period
+    manual = range(broken.stop, broken.stop + call + 1)
+    heats = np.array([program.tick(1 if k in broken else -1, 1 if k in manual else -1) for k in range(manual.stop + 2 * call)])
+    assert heats[broken.start - 1, 1]
+    assert not heats[list(broken), 1].any()
+    for zone, offset_s in enumerate(proof.offsets_s):
+        begins = np.flatnonzero(np.diff(heats[:, zone].astype(int), prepend=0) == 1)
+        begins = begins[(begins < broken.start) | (begins >= manual.stop)] if zone == 1 else begins
+        assert len(begins) >= 4
+        assert {*(begins - round(offset_s / proof.actuator.resolution_s)) % period} == {0}, (zone, begins)
+
+
+@pytest.mark.parametrize("shown", [
+    pytest.param(lambda proof: str(design_files(proof, force=False)["record.html"]).split("<h2>Zone ")[1:], id="record"),
+    pytest.param(lambda proof: parameters_html(proof).split("<h3>Zone ")[1:], id="studio")])
+@pytest.mark.parametrize(("target", "first"), [("s5-ob251", 30), ("s7-300", 100)])
+def test_the_tables_of_a_zone_name_its_own_blocks(proofs, shown, target, first):
+    """As of the second zone's setpoint of OB251, which stands in DW 0 of DB41 and was said to stand in DB31."""
+    for number, section in enumerate(shown(proofs[target])):
+        named = {int(block) for block in re.findall(r"\bDB ?(\d+)\b", section.partition("<h2>")[0])}
+        assert named
+        assert {block - 10 * number for block in named} <= {*range(first, first + 4)}, (target, number, named)
 
 
 @pytest.mark.long
@@ -152,10 +251,10 @@ def test_the_program_follows_the_open_points_that_the_user_knows(proofs):
     assert str(export_zones(proof)["program_listing.txt"]).count("OB251 off: it clears") == 3
 
 
-@pytest.mark.parametrize("ramp", [None, Ramp(step=single(0.3), calls=2)])
+@pytest.mark.parametrize(("staggered", "ramp"), [(True, None), (False, Ramp(step=single(0.3), calls=2))])
 @pytest.mark.long
-def test_the_structured_text_of_all_zones_makes_the_run_of_the_proof_tick_by_tick(ramp):
-    proof = ramped(design_zones(network_by_hand(chain(3, 1.0)), "iec-pid", SETPOINTS), ramp)
+def test_the_structured_text_of_all_zones_makes_the_run_of_the_proof_tick_by_tick(staggered, ramp):
+    proof = ramped(design_zones(network_by_hand(chain(3, 1.0)), "iec-pid", SETPOINTS), ramp, staggered=staggered)
     (name, text), = export_zones(proof, force=True).items()
     assert name == "iec_pid_zones.st"
     whole = units(text)
@@ -191,7 +290,7 @@ def test_programs_that_share_addresses_say_so():
 
 @pytest.mark.parametrize(("options", "told"), [
     (["--target", "weg", "--rated-power", "2,2", "--peak-power", "3"], "take --target s7-300"),
-    (["--target", "s5-ob251", "--stagger"], "take --target s7-300"),
+    (["--target", "fb41", "--stagger"], "take --target s7-300"),
     (["--target", "s7-300", "--peak-power", "3"], "--rated-power")])
 def test_what_no_program_can_do_is_refused_before_the_log_is_read(tmp_path, capsys, options, told):
     assert main(["design", str(tmp_path / "none.csv"), "--zones", "a,b", "--setpoint", "50", *options]) == 2

@@ -73,6 +73,7 @@ class ZonesCard:
             self._neighbours = ui.select(_NEIGHBOURS, value="", label="Zones exchange heat").props(
                 "outlined dense options-dense")
             self._deviation = text_input("A neighbour may leave its setpoint by, in °C", "40 % of a change")
+            self._spread = text_input("Zones may be apart while heating up by, in °C", "no limit")
             self._rated = text_input("Full power of each heater, in kW", "3, 5, 3")
             self._peak = text_input("Most power of all heaters at once, in kW", "no limit")
             self._stagger = ui.checkbox("PWM periods begin one after the other").props("dense")
@@ -87,7 +88,7 @@ class ZonesCard:
                 settings=self._work.session.settings, reading=self._reading(), setpoints=self._setpoints.value,
                 rated_kw=self._rated.value, neighbours=self._neighbours.value, staggered=self._stagger.value,
                 deviation_degC=_typed("neighbour's deviation", self._deviation.value),
-                peak_kw=_typed("most power", self._peak.value))
+                peak_kw=_typed("most power", self._peak.value), spread_degC=_typed("spread", self._spread.value))
         except HeatertuneError as problem:
             self._work.zones_error = str(problem)
             self.show()

@@ -36,7 +36,7 @@ from heatertune.writing import read_bytes
 from heatertune.zones.identify import FittedNetwork, ZoneLog, fit_network
 from heatertune.zones.joint_design import design_zones
 from heatertune.zones.joint_proof import JointProof, specification_for
-from heatertune.zones.zone_export import demand_pass, demand_program
+from heatertune.zones.zone_export import demand_pass, demand_program, text_of_zone
 from heatertune.zones.zone_reader import numbers_in, read_zones, zones_in
 from heatertune.zones.zone_record import block_of_zone, design_files
 from heatertune.zones.zones_folder import prove_again, read_zones_design
@@ -67,6 +67,7 @@ class ZonesRequest:
         deviation_degC: by which a neighbour may leave its setpoint; None: the default [°C].
         peak_kw: most power of all heaters at once; None: no limit [kW].
         staggered: whether the PWM periods begin one after the other.
+        spread_degC: by how much zones may be apart while all heat up together; None: no limit [°C].
     """
 
     files: tuple[tuple[str, bytes], ...] = field(repr=False)
@@ -79,6 +80,7 @@ class ZonesRequest:
     deviation_degC: float | None = None
     peak_kw: float | None = None
     staggered: bool = False
+    spread_degC: float | None = None
 
     @property
     def conditions(self) -> Conditions:
@@ -95,7 +97,7 @@ class ZonesRequest:
         stated: dict[str, object] = {
             "--input": now.input, "--zone-setpoints": self.setpoints.replace(" ", ""), "--peak-power": self.peak_kw,
             "--rated-power": self.rated_kw.replace(" ", ""), "--neighbours": self.neighbours,
-            "--neighbour-deviation": self.deviation_degC}
+            "--neighbour-deviation": self.deviation_degC, "--spread": self.spread_degC}
         words += [text for flag, value in stated.items() if value for text in (flag, f"{value}")]
         words += ["--stagger"] if self.staggered else []
         return shlex.join([*words, *_flags(self.conditions), *_flags(self.reading), *_flags(now.tune_settings, "ms")])
@@ -107,7 +109,8 @@ class ZonesRequest:
         source, read = repr(names[0] if len(names) == 1 else names), _keywords(self.reading)
         own = [f"{name}={value!r}" for name, value in (
             ("rated_kw", typed_numbers("rated powers", self.rated_kw)), ("peak_kw", self.peak_kw),
-            ("deviation_degC", self.deviation_degC), ("staggered", self.staggered)) if value]
+            ("deviation_degC", self.deviation_degC), ("staggered", self.staggered),
+            ("spread_degC", self.spread_degC)) if value]
         structure = f", structure={self.neighbours!r}" if self.neighbours else ""
         lines = [
             "from dataclasses import replace", "import heatertune as ht", "from heatertune.plc import Scaling",
@@ -251,7 +254,8 @@ def design_of(request: ZonesRequest, progress: ProgressCallback) -> DesignedZone
     fitted = _fitted(request.files, request.zones, request.reading, request.neighbours)
     progress("tuning and proving all zones together")
     spec = replace(specification_for(fitted, setpoints, request.conditions), deviation_degC=request.deviation_degC,
-                   rated_kw=rated, peak_kw=request.peak_kw, staggered=request.staggered)
+                   rated_kw=rated, peak_kw=request.peak_kw, staggered=request.staggered,
+                   spread_degC=request.spread_degC)
     proof = design_zones(
         fitted, request.settings.target, scaling=request.settings.scaling, structure=request.settings.structure,
         sample_time_s=request.settings.sample_time_s, conditions=request.conditions, specification=spec)
@@ -307,7 +311,7 @@ def parameters_html(proof: JointProof) -> str:
             f"<h3>Zone {text_of(zone)}: {text_of(words.target)}</h3><p>Setpoint {figure(setpoint)} °C; K "
             f"{figure(design.gain_pct_per_degC)} %/°C, TN {figure(design.integral_time_s)} s, TA "
             f"{figure(words.sample_time_s)} s; PWM period begins at {figure(proof.offsets_s[number])} s."
-            f"{text_of(place)}</p>{words_html(words, setpoint)}")
+            f"{text_of(place)}</p>{text_of_zone(words.target, words_html(words, setpoint), number)}")
     return "".join(parts)
 
 

@@ -42,6 +42,7 @@ __all__ = ["design_zones"]
 _ATTEMPTS: Final = 5  # designs that are proven, each detuned further, in all zones and then in one
 _MANY: Final = 10.0  # times the tolerance that an error at rest has to be to spare the other zones' tuning
 _PACES: Final = (1.0, 0.7, 0.5, 0.35, 0.25, 0.125)  # of the rate at which the slowest zone can follow a setpoint ramp
+_OF_STARTS: Final = (SPREAD_NAME, "overshoot [%]")  # what a setpoint ramp lowers
 _LONGER: Final = (2.0, 4.0, 3.0)  # intervals that are tried beyond the first, as multiples of it
 
 
@@ -88,7 +89,7 @@ def _start_together(proof: JointProof, prove: Callable[..., JointProof]) -> Join
         prove: proves a design with the limit.
     """
     plain = prove(proof.design)
-    if plain.verdict != "FAIL" or proof.verdict == "FAIL":
+    if plain.verdict != "FAIL" or not all(each.ok or each.name in _OF_STARTS for each in plain.criteria):
         return plain
     ramped = [plain.design.with_ramp(ramp) for ramp in _ramps(plain)]
     for design in ramped:
@@ -97,7 +98,7 @@ def _start_together(proof: JointProof, prove: Callable[..., JointProof]) -> Join
             return found
     whole = [plain, *map(prove, ramped)]
     return min((each for each in whole if all(one.ok for one in each.criteria if one.name != SPREAD_NAME)),
-               key=_worst_share)
+               key=_worst_share, default=plain)
 
 
 def _ramps(proof: JointProof) -> Iterator[Ramp]:

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cache, cached_property
-from typing import Any, Final, NamedTuple, TypeVar, cast
+from dataclasses import dataclass, replace
+from functools import cache, cached_property, partial
+from typing import Any, Final, NamedTuple, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -20,11 +20,14 @@ from heatertune.compiled import bound, compile_function, worth_compiling
 from heatertune.errors import InputError
 from heatertune.plc import controller_for
 from heatertune.plc.core import StepFunctions
-from heatertune.plc.pwm import INSTANT_S, Actuator
+from heatertune.plc.pwm import INSTANT_S, Actuator, in_ticks
 from heatertune.plc.single_precision import to_single
 from heatertune.plc.words import Words
 from heatertune.proof.kernel import SetpointProgram, setpoint_word_now
 from heatertune.proof.loop import LoopController, actuator_of, in_loop
+from heatertune.proof.prove_words import actuator_for
+from heatertune.proof.ripple_and_wear import ripple_degC
+from heatertune.settings import Conditions
 from heatertune.zones.joint_kernel import (
     KINDS,
     JointArrays,
@@ -39,12 +42,10 @@ from heatertune.zones.joint_kernel import (
 from heatertune.zones.network import ThermalNetwork
 
 __all__ = [
-    "JointTrace", "PeakPower", "RunPhase", "ZoneEvent", "ZoneLoop", "bound_kernel", "event_arrays", "memory_at_rest",
-    "nested_pairs", "network_arrays", "offsets_for", "overshoot_criteria", "ramp_program", "residual_error_degC",
-    "run_zones", "tightest_degC", "zone_spread",
+    "JointCriterion", "JointTrace", "PeakPower", "RunPhase", "ZoneEvent", "ZoneLoop", "bound_kernel", "calm_actuator",
+    "event_arrays", "memory_at_rest", "nested_pairs", "network_arrays", "offsets_for", "overshoot_criteria",
+    "ramp_program", "residual_error_degC", "rest_criteria", "run_zones", "tightest_degC", "zone_spread",
 ]
-
-_Made = TypeVar("_Made")
 
 _MOST_PLAIN: Final = 20_000  # scans of all zones that take as long as to compile the kernel
 _ORDERS: Final = 100  # of the zones' pulses tried at random
@@ -53,6 +54,7 @@ _FREE_PCT: Final = 2.0  # from a limit of the power: nearer, it may stay for tha
 _FADING: Final = 10  # scans after which P and D parts stay
 _MOST_TRIES: Final = 1000  # of moving the power to the middle
 _STAYS: Final = 300  # scans without a change of the power: such an error is never corrected
+_RIPPLE: Final = 0.2  # of the tolerance, peak to peak: so much is left to the PWM
 _OF_RANGE: Final = 0.25  # of the sensor's counts: larger errors are not tried
 
 
@@ -353,6 +355,38 @@ def memory_at_rest(loop: ZoneLoop, network: ThermalNetwork, periods: int, edges:
         overflows=np.zeros(1, dtype=np.int64))
 
 
+def calm_actuator(
+    conditions: Conditions, words: Words, network: ThermalNetwork, setpoints_degC: Sequence[float],
+    tolerance_degC: float,
+) -> Actuator:
+    """Return the switch of every zone; without a stated PWM period, TA in as many parts as a small ripple takes.
+
+    Args:
+        conditions: of the proof.
+        words: of one of the zones.
+        network: the heaters.
+        setpoints_degC: of the zones [°C].
+        tolerance_degC: at rest; the ripple may take a fifth of it [°C].
+
+    Raises:
+        InputError, OutOfRange: as `actuator_for`.
+    """
+    actuator, controller = actuator_for(conditions, words), controller_for(words.target)
+    if {conditions.pwm_period_s, controller.timing(words).pwm_period_s, controller.pwm_period_s} != {None}:
+        return actuator
+    held = np.clip(network.holding_pct(setpoints_degC), 0.0, 100.0)
+    heaters = [(network.neighbours_held(zone), float(power)) for zone, power in enumerate(held)]
+    parts = words.sample_time_s / np.arange(1, max(int(words.sample_time_s), 1) + 1)
+    for period in map(float, parts[parts <= actuator.pwm_period_s]):
+        if not in_ticks(period, controller.tick_s):
+            continue
+        actuator = actuator_for(replace(conditions, pwm_period_s=period), words)
+        ripple = max(ripple_degC(heater, period, power) for heater, power in heaters)
+        if ripple <= _RIPPLE * tolerance_degC:
+            break
+    return actuator
+
+
 def offsets_for(duties_pct: npt.ArrayLike, period_s: float, resolution_s: float) -> tuple[float, ...]:
     """Return offsets of PWM periods with which as few heaters as can be are on at once.
 
@@ -389,6 +423,34 @@ def _most_at_once(begins: Array, shares: Array) -> int:
     return int(np.max(np.sum(since < shares - 1e-9, axis=1)))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointCriterion:
+    """One figure of a run and its limit.
+
+    Attributes:
+        name: what was measured, with its unit.
+        value, limit: the value must not exceed the limit.
+        where: zone and run.
+        cause: number of the zone whose slower controller would lower the value; -1: of none alone.
+    """
+
+    name: str
+    value: float
+    limit: float
+    where: str
+    cause: int = -1
+
+    @property
+    def ok(self) -> bool:
+        """Whether the limit is kept."""
+        return self.value <= self.limit
+
+    @property
+    def share(self) -> float:
+        """The value as a share of its limit; a limit of 0 that is kept counts as 0."""
+        return 0.0 if self.value <= 0.0 else self.value / self.limit if self.limit > 0.0 else math.inf
+
+
 class RunPhase(NamedTuple):
     """A part of a run: what is judged between two instants."""
 
@@ -398,6 +460,8 @@ class RunPhase(NamedTuple):
     end_s: float
     change_degC: float = 0.0
     idle: tuple[int, ...] = ()  # zones that are not judged
+    started: tuple[int, ...] = ()  # zones that are started while others run; their neighbours may not overshoot either
+    rests: bool = True  # whether the zones can hold their setpoints
 
 
 def zone_spread(highest_degC: Array, lowest_degC: Array, setpoints_degC: Array) -> tuple[float, int, int]:
@@ -425,9 +489,9 @@ def tightest_degC(whole_degC: float, most_pct: float | None, most_degC: float | 
 
 
 def overshoot_criteria(
-    make: Callable[..., _Made], rise_degC: float, name: str, beyond_degC: Array,
+    make: Callable[..., JointCriterion], rise_degC: float, name: str, beyond_degC: Array,
     most: tuple[float | None, float | None],
-) -> Iterator[_Made]:
+) -> Iterator[JointCriterion]:
     """Yield an overshoot as a share of the rise, if it is limited, as a share of the rise or in °C.
 
     Args:
@@ -439,6 +503,23 @@ def overshoot_criteria(
     """
     if (limit_degC := tightest_degC(rise_degC, *most)) is not None:
         yield make(name=name, value=100.0 * float(beyond_degC.max()) / rise_degC, limit=100.0 * limit_degC / rise_degC)
+
+
+def rest_criteria(
+    make: Callable[..., JointCriterion], errors: tuple[Array, Array, Array], tolerance_degC: float
+) -> Iterator[JointCriterion]:
+    """Yield offset, swing and largest error in the last fifth of a phase.
+
+    Args:
+        make: a criterion of a name, value and limit.
+        errors: distances from the setpoint at the scans, and the highest and lowest between them, shape (K,) [°C].
+        tolerance_degC: limit of each [°C].
+    """
+    last, high, low = (each[-max(len(each) // 5, 2):] for each in errors)
+    make = partial(make, limit=tolerance_degC)
+    yield make(name="offset at rest [°C]", value=float(np.abs(last.mean())))
+    yield make(name="swing at rest [°C]", value=float(np.ptp(last)))
+    yield make(name="error at rest [°C]", value=float(max(high.max(), -low.min())))
 
 
 @dataclass(slots=True)

@@ -1,7 +1,7 @@
 """The proof of all zones together: their words in one closed loop, on every plausible network, under every open point.
 
 The runs: all zones heated up together; of each zone a setpoint change, a load, an open heater circuit, the zone off and
-its heater stuck at full power; a restart of the PLC; zones started one after the other, in both orders.
+its heater stuck at full power; a restart of the PLC; zones started one after the other, see `start_orders`.
 """
 
 from __future__ import annotations
@@ -19,35 +19,37 @@ from heatertune.errors import InputError, OutOfRange
 from heatertune.model.findings import KINDS, Finding, remedy_of
 from heatertune.plc import controller_for
 from heatertune.plc.open_points import settings_to_prove
-from heatertune.plc.pwm import Actuator, in_ticks
+from heatertune.plc.pwm import Actuator
 from heatertune.plc.words import Certificate, Words
 from heatertune.proof.criteria import LoopLimits
 from heatertune.proof.heaters import MAINS_POWERS, RESERVE_PCT
-from heatertune.proof.prove_words import actuator_for
-from heatertune.proof.ripple_and_wear import ripple_degC
 from heatertune.proof.specification import GENERAL, preset, specification_of
 from heatertune.proof.verdict import FitDiagnostics
 from heatertune.settings import Conditions
 from heatertune.units import check
 from heatertune.zones.identify import FittedNetwork
 from heatertune.zones.joint_loop import (
+    JointCriterion,
     JointTrace,
     PeakPower,
     RunPhase,
     ZoneEvent,
     ZoneLoop,
+    calm_actuator,
     offsets_for,
     overshoot_criteria,
     residual_error_degC,
+    rest_criteria,
     run_zones,
     tightest_degC,
     zone_spread,
 )
 from heatertune.zones.joint_tuning import JOINT_MS, JointDesign
 from heatertune.zones.network import ThermalNetwork
+from heatertune.zones.start_orders import StartOrder, name_order, start_orders, summarize_orders
 
 __all__ = [
-    "HOLDING_POWERS", "SPREAD_NAME", "JointCriterion", "JointProof", "ZoneSpecification", "prove_zones",
+    "HOLDING_POWERS", "SPREAD_NAME", "JointProof", "ZoneSpecification", "prove_zones",
     "specification_for",
 ]
 
@@ -63,7 +65,7 @@ _IDLE_PCT: Final = 1.0  # power that a zone needs at least to hold its setpoint
 _NOT_TESTED: Final = ("a sensor that breaks", "mains that change while the zones run", "a setpoint profile")
 #: criteria of the setpoints alone
 HOLDING_POWERS: Final = ("power to hold the setpoints [%]", "cooling that a zone would need [%]")
-_RIPPLE: Final = 0.2  # of the tolerance, peak to peak: so much is left to the PWM
+_NEAR: Final = 0.85  # of the time that a zone heats up with full power
 _COOLS: Final = 3.0  # time constants in which an overheated zone cools down
 _STEPS: Final = ("log a step of each zone's power, one after the other, each until all temperatures are steady, with "
                  "doors and fans unchanged")
@@ -123,34 +125,6 @@ class ZoneSpecification:
     def most_kw(self, heaters: int) -> float | None:
         """Return the power of so many heaters, the largest of all; None where the rated power is not stated [kW]."""
         return sum(sorted(self.rated_kw, reverse=True)[:heaters]) if self.rated_kw else None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class JointCriterion:
-    """One figure of a run and its limit.
-
-    Attributes:
-        name: what was measured, with its unit.
-        value, limit: the value must not exceed the limit.
-        where: zone and run.
-        cause: number of the zone whose slower controller would lower the value; -1: of none alone.
-    """
-
-    name: str
-    value: float
-    limit: float
-    where: str
-    cause: int = -1
-
-    @property
-    def ok(self) -> bool:
-        """Whether the limit is kept."""
-        return self.value <= self.limit
-
-    @property
-    def share(self) -> float:
-        """The value as a share of its limit; a limit of 0 that is kept counts as 0."""
-        return 0.0 if self.value <= 0.0 else self.value / self.limit if self.limit > 0.0 else math.inf
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -233,13 +207,15 @@ class JointProof:
                  f"{', '.join(f'{each:g}' for each in self.specification.setpoints_degC)} °C in {len(self.runs)} runs"]
         broken = sorted((each for each in self.criteria if not each.ok), key=lambda criterion: criterion.cause >= 0)
         lines += [f"not kept: {each.name} {each.value:.4g}, limit {each.limit:.4g} ({each.where})" for each in broken]
-        options = _allowing(broken)
-        lines += [f"to allow {'it' if len(broken) == 1 else 'them'}: {options}"] if options else []
+        options, left = _allowing(broken), ", ".join(each.name for each in self.blocking)
+        lines += [f"to allow {'it' if len(broken) == 1 else 'them'}: {options}"
+                  f"{left and f'; NOT PROVEN until {left} is remedied, too'}"] if options else []
         for each in self.blocking:
             remedy = _REMEDIES.get(each.name) or remedy_of(each.name, [])
             lines.append(f"not proven ({each.name}): {each.message}; {remedy}, or --accept {each.name}")
-        lines += [f"accepted: {KINDS[name].short}" for name in self.accepted]
-        lines += dict.fromkeys(f"assumed: {each.kind.short}" for each in self.findings if each.kind.is_assumption)
+        lines += summarize_orders(zones, self.runs)
+        lines += [*(f"accepted: {KINDS[name].short}" for name in self.accepted), *dict.fromkeys(
+            f"assumed: {each.kind.short}" for each in self.findings if each.kind.is_assumption)]
         lines += [f"not tested: {', '.join(self.not_tested)}"] if self.not_tested else []
         lines += [f"{each.name}: {each.value:.4g} of {each.limit:.4g} ({each.where})"
                   for each in self.criteria if each.ok]
@@ -333,8 +309,7 @@ def specification_for(
     values = [setpoints_degC] * count if isinstance(setpoints_degC, int | float) else list(setpoints_degC)
     if len(values) != count:
         raise InputError(f"{len(values)} setpoints for {count} zones: state one for all, or one for each")
-    network = fitted.network
-    slowest = max(lag + dead for lag, dead in zip(network.time_constants_s, network.dead_times_s, strict=True))
+    slowest = max(map(sum, zip(fitted.network.time_constants_s, fitted.network.dead_times_s, strict=True)))
     return ZoneSpecification(setpoints_degC=tuple(map(float, values)),
                              limits=specification_of(conditions).limits_for(slowest))
 
@@ -365,7 +340,8 @@ def prove_zones(
             raise OutOfRange(f"setpoint of zone {name}", setpoint, rule)
     networks = fitted.draw(_DRAWN)
     held = [network.holding_pct(specification.setpoints_degC) for _, network in networks]
-    actuator = _calm_actuator(asked, design.words[0], specification, networks[0][1])
+    actuator = calm_actuator(
+        asked, design.words[0], networks[0][1], specification.setpoints_degC, specification.limits.tolerance_degC)
     staggered = specification.staggered or specification.peak_kw is not None
     likely = [held[0], *(held[0] * share for share in (0.9, 1.05, 1.1, 1.0 / MAINS_POWERS[0], 1.0 / MAINS_POWERS[1]))]
     offsets = (0.0,) * len(held[0])
@@ -405,26 +381,6 @@ def prove_zones(
         bound_share=peak.share, spread=spread, trace=traces[0],
         settle_s=prover.settle_s, heat_s=max(prover.heat_s, 2.0 * prover.settle_s),
         switches=dict(asked.switches), conditions=asked)
-
-
-def _calm_actuator(
-    conditions: Conditions, words: Words, specification: ZoneSpecification, network: ThermalNetwork
-) -> Actuator:
-    """Return the switch of every zone; without a stated PWM period, TA in as many parts as a small ripple takes."""
-    actuator, controller = actuator_for(conditions, words), controller_for(words.target)
-    if {conditions.pwm_period_s, controller.timing(words).pwm_period_s, controller.pwm_period_s} != {None}:
-        return actuator
-    held = np.clip(network.holding_pct(specification.setpoints_degC), 0.0, 100.0)
-    heaters = [(network.neighbours_held(zone), float(power)) for zone, power in enumerate(held)]
-    parts = words.sample_time_s / np.arange(1, max(int(words.sample_time_s), 1) + 1)
-    for period in map(float, parts[parts <= actuator.pwm_period_s]):
-        if not in_ticks(period, controller.tick_s):
-            continue
-        actuator = actuator_for(replace(conditions, pwm_period_s=period), words)
-        ripple = max(ripple_degC(heater, period, power) for heater, power in heaters)
-        if ripple <= _RIPPLE * specification.limits.tolerance_degC:
-            break
-    return actuator
 
 
 def _beyond_log(fitted: FittedNetwork, specification: ZoneSpecification) -> Iterator[Finding]:
@@ -499,8 +455,7 @@ class _Prover:
             JointCriterion(name="largest singular value of S", value=design.joint_ms, limit=JOINT_MS, where=where),
             JointCriterion(name="Ms of a zone alone", value=design.alone_ms, where=where,
                            limit=min(JOINT_MS, self.specification.limits.ms or JOINT_MS)),
-            JointCriterion(name=HOLDING_POWERS[0], value=float(most), limit=100.0 - RESERVE_PCT,
-                           where=held)]
+            JointCriterion(name=HOLDING_POWERS[0], value=float(most), limit=100.0 - RESERVE_PCT, where=held)]
         if least < 0.0:
             cold = int(np.argmin(min(powers_pct, key=np.min)))
             rise = max(map(lambda network, power: (_IDLE_PCT - power[cold]) * network.neighbours_held(
@@ -513,26 +468,43 @@ class _Prover:
     def runs(self, networks: Sequence[tuple[str, ThermalNetwork]], stated: Mapping[str, str]) -> Iterator[
             tuple[str, partial[tuple[JointTrace, list[JointCriterion]]]]]:
         """Yield label and run, the whole sequence on the best fit first."""
-        settings = self.settings(stated)
-        every = list(range(self.count))
+        settings, orders, every = self.settings(stated), start_orders(self.count), list(range(self.count))
         nominal = networks[0][1]
         yield networks[0][0], partial(self._in_use, nominal, settings[0], every, whole=True)
         for number, (label, network) in enumerate(networks[1:]):
             yield label, partial(self._in_use, network, settings[0], [number % self.count])
-        for power in MAINS_POWERS:
-            label = f"mains power {100.0 * power:.0f} %"
-            gains = tuple(power * gain for gain in nominal.gains_degC_per_pct)
-            scaled = replace(nominal, gains_degC_per_pct=gains)
-            if float(np.max(scaled.holding_pct(self.setpoints))) <= 100.0 - RESERVE_PCT:
-                yield label, partial(self._in_use, scaled, settings[0], [0])
-            else:
-                self.not_tested.append(f"{label} (it cannot hold the setpoints)")
-        for setting in settings[1:]:
+            order = orders[number % len(orders)]
+            yield name_order(order, self.zones, label), partial(self._in_turn, network, settings[0], order)
+        yield from self._mains_runs(nominal, settings[0], orders)
+        for number, setting in enumerate(settings[1:]):
             label = ", ".join(f"{name} = {value}" for name, value in setting.items() if value != settings[0][name])
             yield label, partial(self._in_use, nominal, setting, every)
-            yield f"zones started in turn, {label}", partial(self._in_turn, nominal, setting, every)
-        yield "zones started in turn", partial(self._in_turn, nominal, settings[0], every)
-        yield "zones started in reverse", partial(self._in_turn, nominal, settings[0], every[::-1])
+            order = orders[number % len(orders)]
+            yield name_order(order, self.zones, label), partial(self._in_turn, nominal, setting, order)
+        yield from self._starts(nominal, settings[0], orders)
+
+    def _starts(
+        self, network: ThermalNetwork, setting: Mapping[str, str], orders: Sequence[StartOrder], label: str = ""
+    ) -> Iterator[tuple[str, partial[tuple[JointTrace, list[JointCriterion]]]]]:
+        """Yield label and run of zones started in each order, and in the first ones in quick succession."""
+        for order in orders:
+            yield name_order(order, self.zones, label), partial(self._in_turn, network, setting, order)
+        for order in orders[:self.count]:
+            name = ", ".join(["in quick succession", *filter(None, [label])])
+            yield name_order(order, self.zones, name), partial(self._in_turn, network, setting, order, quick=True)
+
+    def _mains_runs(
+        self, nominal: ThermalNetwork, setting: Mapping[str, str], orders: Sequence[StartOrder]
+    ) -> Iterator[tuple[str, partial[tuple[JointTrace, list[JointCriterion]]]]]:
+        """Yield label and run of zones on weak and strong mains, all together and started in each order."""
+        for power in MAINS_POWERS:
+            label = f"mains power {100.0 * power:.0f} %"
+            scaled = replace(nominal, gains_degC_per_pct=tuple(power * gain for gain in nominal.gains_degC_per_pct))
+            if float(np.max(scaled.holding_pct(self.setpoints))) <= 100.0 - RESERVE_PCT:
+                yield label, partial(self._in_use, scaled, setting, [0])
+                yield from self._starts(scaled, setting, orders, label)
+            else:
+                self.not_tested.append(f"{label} (it cannot hold the setpoints)")
 
     def _heat_up_s(self, network: ThermalNetwork) -> float:
         share = min(float(np.max(network.holding_pct(self.setpoints))) / 100.0, 0.95)
@@ -606,22 +578,34 @@ class _Prover:
             now += lasts + again
         return now
 
-    def _in_turn(self, network: ThermalNetwork, switches: Mapping[str, str],
-                 order: Sequence[int]) -> tuple[JointTrace, list[JointCriterion]]:
-        """Start the zones one after the other, each when the one before has had time to settle."""
-        each_s = self._heat_up_s(network)
-        events: list[ZoneEvent] = []
-        phases: list[RunPhase] = []
-        for place, zone in enumerate(order):
-            now, begun = place * each_s, tuple(order[: place + 1])
-            events += [ZoneEvent(now, "setpoint", zone, float(self.setpoints[zone])), ZoneEvent(now, "on", zone)]
-            if self._can_hold(network, begun):
-                idle = tuple(other for other in range(self.count) if other not in begun)
-                phases.append(RunPhase("started in turn", zone, now, now + each_s, idle=idle))
-        end = len(order) * each_s + self.settle_s
-        phases.append(RunPhase("all started", -1, end - self.settle_s, end))
-        trace = run_zones(self.loop, network, events, end, switches=switches)
+    def _in_turn(self, network: ThermalNetwork, switches: Mapping[str, str], order: StartOrder, *,
+                 quick: bool = False) -> tuple[JointTrace, list[JointCriterion]]:
+        """Start groups of zones one after the other, when those before have settled, or soon (`quick`)."""
+        events, phases, begun, now = list[ZoneEvent](), list[RunPhase](), tuple[int, ...](), 0.0
+        for group in order:
+            begun = *begun, *group
+            lasts, rests = self._stage(network, begun, quick=quick and group != order[-1])
+            events += [event for zone in group for event in (
+                ZoneEvent(now, "setpoint", zone, float(self.setpoints[zone])), ZoneEvent(now, "on", zone))]
+            phases.append(RunPhase(
+                "start", group[0] if len(group) == 1 else -1, now, now + lasts, started=group, rests=rests,
+                idle=tuple(zone for zone in range(self.count) if zone not in begun)))
+            now += lasts
+        phases.append(RunPhase("all started", -1, now, now + self.settle_s))
+        trace = run_zones(self.loop, network, events, now + self.settle_s, switches=switches)
         return trace, self._judged(trace, network, phases, self._residual_error_degC(switches))
+
+    def _stage(self, network: ThermalNetwork, begun: Sequence[int], *, quick: bool) -> tuple[float, bool]:
+        """Return how long zones run before others start [s], and whether they rest then or only near their setpoints.
+
+        Others push a zone the most that nears its setpoint, or that full power does not bring there.
+        """
+        if quick:
+            near = [max(_NEAR * network.rise_time_s(zone, self.setpoints[zone], 100.0 - RESERVE_PCT),
+                        self.ramp_s_per_degC * (self.setpoints[zone] - network.ambients_degC[zone])) for zone in begun]
+            return max(near), False
+        slow_s = _COOLS * max(network.time_constants_s) if len(begun) < self.count else 0.0  # zones that are off
+        return self._heat_up_s(network) + slow_s, self._can_hold(network, begun)
 
     def _can_hold(self, network: ThermalNetwork, zones: Sequence[int]) -> bool:
         """Return whether some zones hold their setpoints while the others get no power."""
@@ -666,17 +650,13 @@ class _Prover:
         """
         limits, name = self.specification.limits, self.zones[zone]
         seen, high, low = errors
-        last, rest = seen[-max(len(seen) // 5, 2):], slice(-max(len(seen) // 5, 2), None)
         where = f"zone {name}, {phase.kind}" + ("" if phase.zone < 0 else f" ({self.zones[phase.zone]})")
-        make = partial(JointCriterion, where=where, cause=zone)
-        yield make(name="offset at rest [°C]", value=float(np.abs(last.mean())), limit=limits.tolerance_degC)
-        yield make(name="swing at rest [°C]", value=float(np.ptp(last)), limit=limits.tolerance_degC)
-        yield make(name="error at rest [°C]", value=float(max(high[rest].max(), -low[rest].min())),
-                   limit=limits.tolerance_degC)
+        make = partial(JointCriterion, where=where, cause=zone if zone in (phase.started or (zone,)) else -1)
+        yield from rest_criteria(make, errors, limits.tolerance_degC) if phase.rests else ()
         rise = max(float(self.setpoints[zone]) - network.ambients_degC[zone], 1.0)
         over = partial(overshoot_criteria, make, rise)
-        if phase.kind in ("heat-up", "restart", "started in turn"):
-            if phase.zone in (-1, zone):
+        if phase.kind in ("heat-up", "restart", "start"):
+            if phase.started or phase.zone in (-1, zone):
                 yield from over("overshoot [%]", high, (limits.overshoot_pct, limits.overshoot_degC))
         elif phase.kind.startswith("after") and zone == phase.zone and "stuck" not in phase.kind:
             most = limits.reheat_overshoot_pct, limits.reheat_overshoot_degC

@@ -10,6 +10,7 @@ Heaters on one supply that sags take power from each other: of u_i, 1 − Σ_j s
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -202,6 +203,19 @@ class ThermalNetwork:
             return Fopdt(gain_degC_per_pct=gain, time_constant_s=lag, dead_time_s=dead, ambient_degC=ambient)
         return TwoLag(gain_degC_per_pct=gain, time_constant_s=max(lag, second), dead_time_s=dead,
                       second_time_constant_s=min(lag, second), ambient_degC=ambient)
+
+    def rise_time_s(self, zone: int, to_degC: float, power_pct: float) -> float:
+        """Return how long a zone takes from its ambient to a temperature, its neighbours at theirs; 3 lags at most [s].
+
+        Args:
+            zone: its number.
+            to_degC: temperature [°C].
+            power_pct: of its heater [%].
+        """
+        share, cold = 1.0 + float(self.exchange[zone].sum()), self.steady_degC(np.zeros(len(self.zones)))[zone]
+        rise = (to_degC - cold) * share / (power_pct * self.gains_degC_per_pct[zone])
+        lag = self.time_constants_s[zone] / share + self.second_time_constants_s[zone]
+        return self.dead_times_s[zone] - lag * math.log(1.0 - min(max(float(rise), 0.0), 0.95))
 
     def neighbours_pct(self, zone: int, temperatures_degC: Sequence[float]) -> float:
         """Return the power of a zone that heats it as much as its neighbours do beyond their ambients [%].

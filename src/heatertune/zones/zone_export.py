@@ -13,6 +13,8 @@ from typing import Final
 
 from heatertune.errors import ExportRefused, InputError
 from heatertune.plc import Certificate, controller_for
+from heatertune.plc.s5_ob251.blocks import PERIOD_ENDS
+from heatertune.plc.s5_ob251.step import FULL_SCALE
 from heatertune.plc.st.program_text import comment
 from heatertune.zones.joint_proof import JointProof
 
@@ -29,7 +31,8 @@ _BLOCK: Final = re.compile(r"^(FUNCTION_BLOCK|DATA_BLOCK|FUNCTION|ORGANIZATION_B
 _NO_FILE_NAME: Final = re.compile(r"[^\w-]")
 _LINE_END: Final = "\r\n"  # of a source of STEP 7
 _OWN_TEMPORARIES: Final = re.compile(r"^  [a-z]+ : D?INT ;$", re.MULTILINE)  # of the interrupt: not those of the CPU
-_TICK: Final = re.compile(r"(    +L +)L#0;(\n +T +DB102\.DBD +12;)")
+#: targets whose program of all zones makes their PWM by one clock
+_ONE_CLOCK: Final = ("s7-300", "s5-ob251", "iec-pid")
 
 
 def export_zones(proof: JointProof, *, force: bool = False) -> dict[str, str | bytes]:
@@ -41,8 +44,8 @@ def export_zones(proof: JointProof, *, force: bool = False) -> dict[str, str | b
 
     Raises:
         ExportRefused: the verdict is not PASS and `force` was not given.
-        InputError: more zones than a program has outputs for, or staggered PWM periods for a target whose program
-            begins them all at once.
+        InputError: more zones than a program has outputs for, or staggered PWM periods for a target whose programs
+            have no common clock.
     """
     demand_pass(proof, force=force)
     target, zones = proof.words[0].target, proof.fitted.network.zones
@@ -95,15 +98,16 @@ def demand_program(target: str, zones: int, *, staggered: bool) -> None:
         zones: how many there are.
         staggered: whether their PWM periods begin one after the other.
     """
-    if staggered and target != "s7-300":
-        raise InputError(f"the program of {target} begins the PWM periods of all zones at once: leave out --peak-power "
-                         "and --stagger, or take --target s7-300")
+    if staggered and target not in _ONE_CLOCK:
+        raise InputError(f"the programs of {target} have no common clock, by which their PWM periods could begin one "
+                         "after the other: leave out --peak-power and --stagger, or take --target "
+                         f"{' or '.join(_ONE_CLOCK)}")
     if target in _MOVED and zones > _MOST:
         raise InputError(f"{zones} zones: a program of {target} has outputs for {_MOST}; make two groups that do not "
                          "touch, or take a target with files of its own for each zone (heatertune targets)")
 
 
-def _s5(zones: Sequence[str], parts: Sequence[Mapping[str, str | bytes]], _proof: JointProof) -> dict[str, str | bytes]:
+def _s5(zones: Sequence[str], parts: Sequence[Mapping[str, str | bytes]], proof: JointProof) -> dict[str, str | bytes]:
     """Return one listing: DB 30 and 31, FB 30 and 31 of the first zone, 40 and 41 of the second, and so on."""
     files: dict[str, str | bytes] = {}
     listing, calls, starts = [], [], []
@@ -112,7 +116,7 @@ def _s5(zones: Sequence[str], parts: Sequence[Mapping[str, str | bytes]], _proof
             moved = name.replace("DB30", f"DB{30 + _BETWEEN * number}")
             if name != "program_listing.txt":
                 files[moved] = _s5_moved(content, number) if isinstance(content, str) else content
-        text = _s5_moved(str(part["program_listing.txt"]), number)
+        text = _s5_moved(_s5_delayed(str(part["program_listing.txt"]), number, proof), number)
         head, _, rest = text.partition(f"\nDB{30 + _BETWEEN * number}\n")
         blocks = rest.partition("\nOB 1\n")[0]
         listing += [f"// zone {number + 1} of {len(zones)}: {zone}", *filter(str.strip, head.splitlines()), ""]
@@ -145,7 +149,7 @@ def _s7(zones: Sequence[str], parts: Sequence[Mapping[str, str | bytes]], proof:
         if "FB 101" not in source:
             raise InputError("this PWM is left to a switch behind the analog output, which a program of zones does not "
                              "have: leave out --pwm-rule, or state a --pwm-period that OB 35 makes")
-        source = _delayed(source, round(proof.offsets_s[number] / proof.actuator.resolution_s), proof)
+        source = _s7_delayed(source, number, proof)
         found = {match[2]: match[0] for match in _BLOCK.finditer(source)}
         heads += [f"// zone {number + 1} of {len(zones)}: {zone}", *(
             _s7_moved(line, number) for line in source.splitlines() if line.startswith("//"))]
@@ -164,15 +168,49 @@ def _s7(zones: Sequence[str], parts: Sequence[Mapping[str, str | bytes]], proof:
     return {"s7_300_zones.awl": text.replace("\n", _LINE_END), **files}
 
 
-def _delayed(source: str, ticks: int, proof: JointProof) -> str:
-    """Return a source whose PWM begins its first period so many ticks later."""
-    if not ticks:
-        return source
-    first = round(proof.actuator.pwm_period_s / proof.actuator.resolution_s) - ticks
-    moved, count = _TICK.subn(rf"\g<1>L#{first};\g<2>", source)
-    if count != 1:
-        raise InputError("the program has no PWM whose beginning can be moved: leave out --peak-power and --stagger")
-    return moved.replace("  TICK := L#0 ;", f"  TICK := L#{first} ;")
+def _delayed(text: str, proof: JointProof, changes: Sequence[tuple[str, str]]) -> str:
+    """Return a program whose PWM periods follow one clock, whatever happens to the zone; its own where none is delayed.
+
+    Args:
+        text: of the program.
+        proof: of all zones together.
+        changes: pattern, which the text holds once, and what takes its place.
+    """
+    for pattern, changed in changes if any(proof.offsets_s) else ():
+        text, count = re.subn(pattern, changed, text)
+        if count != 1:
+            raise InputError("the program has no PWM whose beginning can be moved: leave out --peak-power and "
+                             "--stagger, and --pwm-rule and --pwm-period where they are stated")
+    return text
+
+
+def _ticks(proof: JointProof, number: int) -> tuple[int, int]:
+    """Return after how many ticks the first PWM period of a zone begins, and how many a period has."""
+    tick_s = proof.actuator.resolution_s
+    return round(proof.offsets_s[number] / tick_s), round(proof.actuator.pwm_period_s / tick_s)
+
+
+def _s7_delayed(source: str, number: int, proof: JointProof) -> str:
+    """Return a source of STEP 7 in which FC 101 leaves the PWM's clock alone, and OB 100 sets it for its zone."""
+    late, period = _ticks(proof, number)
+    return _delayed(source, proof, (
+        (r" +T +DB102\.DBD +12;[^\n]*\n", ""),
+        (r"(off: +CALL  FC 101;\n)      BEU   ;", r"\1      JU    out;"),
+        (r"(\n      CALL  FC 101;\n)", rf"\1      L     L#{-late % period};\n      T     DB102.DBD    12;\n"),
+        (r"  TICK := L#0 ;", f"  TICK := L#{-late % period} ;")))
+
+
+def _s5_delayed(listing: str, number: int, proof: JointProof) -> str:
+    """Return a listing in which a start-up sets the staircase of the PWM for its zone, and nothing else does."""
+    late, period = _ticks(proof, number)
+    passed = (2 * (period - late) - 1) * FULL_SCALE  # risen before its first tick, times 2·period
+    stair, ends = -(-passed // (2 * period)), PERIOD_ENDS
+    rest = stair * 2 * period - passed
+    return _delayed(listing, proof, (
+        (rf"(KF = \+)0{ends}(; +STAIR)", rf"\g<1>{stair:05d}\2"), (r"(KF = \+)00000(; +REST)", rf"\g<1>{rest:05d}\2"),
+        (rf"     :L  KF \+{ends}\n     :T  DW 6\n(     :L  KF \+0\n     :T  DW 4\n)", r"\1     :T  DW 8\n"),
+        (rf"(:L  KF \+){ends}( +;).*(\n     :T  DW 6\n)(     :L  KF \+0\n     :T  DW 4\n)     :T  DW 7\n",
+         rf"\g<1>{stair}\2 and sets the clock of the PWM\3     :L  KF +{rest}\n     :T  DW 7\n\4")))
 
 
 def _as_function_block(block: str, zone: str) -> str:
@@ -210,9 +248,18 @@ def _st_source(sources: Sequence[tuple[str, str]]) -> str:
     return blocks + "\n".join(programs)
 
 
-def _st(zones: Sequence[str], parts: Sequence[Mapping[str, str | bytes]], _proof: JointProof) -> dict[str, str | bytes]:
+def _st_delayed(source: str, number: int, proof: JointProof) -> str:
+    """Return a source of structured text whose PWM runs on while the zone is off."""
+    (late, period), tick_ms = _ticks(proof, number), round(1000.0 * proof.actuator.resolution_s)
+    return _delayed(source, proof, (
+        (r"(  HeaterPhase : DINT := )0;", rf"\g<1>{(period - late - 1) * tick_ms};"),
+        (r"IF HeaterOn AND HeaterWasOn THEN\n  (HeaterPhase := HeaterPhase \+ ScanMs;\n)ELSE\n.*\nEND_IF;\n", r"\1")))
+
+
+def _st(zones: Sequence[str], parts: Sequence[Mapping[str, str | bytes]], proof: JointProof) -> dict[str, str | bytes]:
     """Return one source of structured text; a PLCopen project is that of one program."""
-    sources = [(zone, str(part["iec_pid.st"])) for zone, part in zip(zones, parts, strict=True)]
+    sources = [(zone, _st_delayed(str(part["iec_pid.st"]), number, proof))
+               for number, (zone, part) in enumerate(zip(zones, parts, strict=True))]
     return {"iec_pid_zones.st": _st_source(sources)}
 
 

@@ -95,7 +95,8 @@ def _words(proof: JointProof, *, refused: bool) -> list[str]:
     for number, (zone, words) in enumerate(zip(proof.fitted.network.zones, proof.words, strict=True)):
         setpoint = proof.specification.setpoints_degC[number]
         heads, values, cells = typed_table(typed_words(words, setpoint))
-        rows = [(tick(f"z{number}-{row}", f"{zone}: {cell[1]}"), *cell) for row, cell in enumerate(cells)]
+        rows = [(tick(f"z{number}-{row}", f"{zone}: {cell[1]}"), *(
+            text_of_zone(words.target, text, number) for text in cell)) for row, cell in enumerate(cells)]
         warning = '<p class="fail">Do not enter: these parameters are not proven.</p>' if refused else ""
         source = controller_for(words.target).title
         entry = text_of_zone(words.target, setpoint_entry(words, setpoint), number)
