@@ -86,8 +86,7 @@ def propose_period(
 
     A solid-state relay gets the shortest that suits it, and contacts the longest whose ripple stays within the limit.
     If the ripple permits, a solid-state relay's is so long that the controller's usual clock makes at least fifty steps
-    of it: the S5's interrupt every 100 ms needs 5 s. A finer clock takes a share of the controller's time, or is none
-    that it has.
+    of it: the S5's interrupt every 100 ms needs 5 s. A finer clock takes a share of the controller's time.
 
     Args:
         models: the heaters to serve.

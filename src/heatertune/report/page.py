@@ -151,7 +151,8 @@ def limits(documents: Documents) -> str:
         "Heaters outside the listed models.",
         "A faulty sensor, a stuck relay, a jittering timer (see `heatertune verify --samples`).",
         ends,
-        *(f"Not tested: {part}." for part in (*proof["not_tested"], *NOT_RUN)),
+        *(f"Not tested: {part}." for part in proof["not_tested"]),
+        *(f"Not run: {part}." for part in NOT_RUN),
     ]
     return f"<h2>What was not proven</h2>{bullets(unproven)}"
 
