@@ -10,9 +10,9 @@ changed # reason; these are counted for themselves, and one whose fault is no lo
 another survives; what had to be stopped for its time is told as endless, and counted as killed.
 What it runs is drawn by the seed, of each folder in turn, so a longer run goes on where a shorter one ends.
 
-    python tests/bench/mutants.py --planted
+    python tests/bench/mutants.py --planted [--only proof/verdict] [--again survivors.txt]
 
-plants the faults of planted.toml instead, each of which once survived every test, and runs the tests named there.
+plants the faults of planted.toml instead and runs the tests named there; prints how many of each area die.
 """
 
 import argparse
@@ -273,24 +273,39 @@ def main():
         os.environ |= {"PYTHONPATH": f"{copied / 'src'}", "HEATERTUNE_CACHE": f"{copied / 'cache'}"}
         sys.path[:0] = [str(copied / "src"), str(copied)]
         compileall.compile_dir(copied / "src", quiet=2)
-        by_hand = tomllib.loads(PLANTED.read_text())["fault"] if asked.planted else []
+        by_hand = chosen_by_hand(asked) if asked.planted else []
         load_once(asked.tests or sorted({test.partition("::")[0] for fault in by_hand for test in fault["tests"]}) or TESTS)
-        raise SystemExit(planted_by_hand(copied, by_hand) if by_hand else attacked(copied, asked, end))
+        raise SystemExit(planted_by_hand(copied, by_hand) if asked.planted else attacked(copied, asked, end))
+
+
+def chosen_by_hand(asked):
+    """Return the faults of the table that are asked for."""
+    left, faults = survivors(asked.again), tomllib.loads(PLANTED.read_text())["fault"]
+    return [fault for fault in faults if any(part in fault["file"] for part in asked.only)
+            and (left is None or f"{fault['file']}: {fault['name']}" in left)]
+
+
+def survivors(printed):
+    """Return the faults that survived by what a former run printed; None: there was none."""
+    return None if printed is None else {line.partition("SURVIVED ")[2] for line in printed.read_text().splitlines() if "SURVIVED " in line}
 
 
 def planted_by_hand(copied, faults):
     """Plant each fault of the table, print what became of it; return how many survive, or are no longer there."""
     sys.dont_write_bytecode = True
-    if in_a_child(lambda: run(["-m", "fast", *sorted({test for fault in faults for test in fault["tests"]})]), 600.0) != 0:
+    if faults and in_a_child(lambda: run(["-m", "fast", *sorted({test for fault in faults for test in fault["tests"]})]), 600.0) != 0:
         raise SystemExit("the tests fail where nothing is planted")
-    left = 0
+    of_each = defaultdict(Counter)
     for fault in faults:
         path = copied / SOURCE / fault["file"]
         plain = path.read_text()
         found = plain.count(fault["old"]) == 1
         outcome = struck(path, plain.replace(fault["old"], fault["new"]), ["-m", "fast", *fault["tests"]], LONGEST_S) if found else "NOT THERE"
-        left += outcome in ("SURVIVED", "NOT THERE")
+        of_each[fault["area"]][outcome] += 1
         print(f"{outcome} {fault['file']}: {fault['name']}", flush=True)
+    for area, counts in of_each.items():
+        print(f"{area}: {dict(counts)}")
+    left = sum(counts["SURVIVED"] + counts["NOT THERE"] for counts in of_each.values())
     print(f"{len(faults)} faults planted by hand, {left} left")
     return left
 
@@ -306,7 +321,7 @@ def attacked(copied, asked, end):
              if path.stem not in NOT_HERE or path.parent.name not in ("plc", "s7_200_paper")}
     every = [(path, *fault) for path, tree in trees.items()
              if any(part in str(path.relative_to(copied / SOURCE)) for part in asked.only) for fault in faults(tree)]
-    survivors = None if asked.again is None else {line.partition("SURVIVED ")[2] for line in asked.again.read_text().splitlines() if "SURVIVED " in line}
+    again = survivors(asked.again)
     same = {line.rpartition(" # ")[0] for line in EQUIVALENT.read_text().splitlines()} if EQUIVALENT.exists() else set()
     sources = {path: path.read_text().splitlines() for path in trees}
     planted_here = {_known_as(path.relative_to(copied / SOURCE), sources[path], fault[2], fault[4]) for path, *fault in every}
@@ -318,7 +333,7 @@ def attacked(copied, asked, end):
         if time.monotonic() > end:
             break
         label = f"{path.relative_to(copied / SOURCE)}:{at}: {' '.join(text.split())}"
-        if survivors is not None and label not in survivors:
+        if again is not None and label not in again:
             continue
         known = _known_as(path.relative_to(copied / SOURCE), sources[path], at, text)
         outcome = "equal" if known in same else struck(

@@ -16,7 +16,7 @@ from heatertune.plc.single_precision import single
 from heatertune.proof.prove_words import prove
 from heatertune.settings import Conditions
 from tests.bench import second_opinion
-from tests.bench.any_order import FINE, DayWriter, broken, compiled
+from tests.bench.any_order import FINE, DayWriter, broken, claimed, compiled
 from tests.bench.false_passes import _limits
 from tests.bench.outages import bench_of, low_overshoots
 from tests.bench.second_opinion import SWITCHES, Bench
@@ -72,6 +72,20 @@ def test_a_circuit_closed_at_a_lower_setpoint_overshoots_more_than_at_the_highes
     writer.part("open", "mains", 3600.0, power=0.0)
     writer.part("circuit", "mains", power=1.0)
     assert [found[1] for found in broken(library, PRINTER, LIMITS, writer.day)] == ["above, reheat_overshoot"] * breaks
+
+
+@pytest.mark.parametrize(("rests_at", "proven", "is_claimed"), [(44.0, 44.0, True), (26.0, 44.0, False), (26.0, 25.0, True)])
+def test_a_rise_from_below_the_proven_setpoints_is_counted_apart(library, rests_at, proven, is_claimed):
+    # P alone asks for full power within 20 degC: the rise overshoots by more than 0.1 % from either setpoint
+    worse = replace(PLAIN, words=PLAIN.words | {"Ki": 1.0 / 40.0})
+    writer = DayWriter(worse, 25.0, 1.0, np.random.default_rng(0), (worse,))
+    writer.part("heat-up", "heat-up")
+    writer.part("setpoint", "setpoint", asked=rests_at)
+    writer.part("setpoint", "setpoint", asked=60.0)
+    limits = dict.fromkeys(LIMITS, math.inf) | {"change_overshoot": 0.1}
+    design = SimpleNamespace(proof=SimpleNamespace(diagnostics=SimpleNamespace(findings=())))
+    (rise,) = [found for found in broken(library, worse, limits, writer.day) if found[2] == 60.0]
+    assert claimed(design, proven, rise) == is_claimed
 
 
 def test_events_fall_between_the_scans_and_in_all_phases_of_one():

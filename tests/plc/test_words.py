@@ -11,6 +11,7 @@ from heatertune.plc import Certificate, Scaling, WordField, Words, controller_fo
 from heatertune.plc.s5_ob251.export import to_image
 from heatertune.plc.s5_ob251.words import most_gain
 from heatertune.plc.words import check_fields, holds, round_half_away, round_to_word, timer_interval_s
+from heatertune.proof.words_file import words_of
 
 SINGLE = (2.0 - 2.0**-23) * 2.0**127
 DAY_MS = 24 * 3600 * 1000
@@ -402,3 +403,13 @@ def test_the_timer_of_on_off_keeps_10_ms_to_10_min(interval, fits):
 def test_a_band_above_a_tenth_of_the_range_is_odd(band, told):
     # 410·200 °C/4095 = 20.02 °C
     assert list(controller_for("on-off").oddities(replace(_words("on-off", {"BAND": band}, 1.0), scaling=Scaling(high_degC=200.0)))) == told
+
+
+def test_a_word_that_no_dialog_takes_is_refused_in_a_file_as_well():
+    # table 11-10 of the S5-115U manual: TI is 0…9999
+    document = {"target": "s5-ob251", "words": {**{name: 0 for name, *_ in OB251}, "K": 1000, "R": 1000, "TI": 9999, "BGOG": 2047},
+                "scaling": {"low_degC": 0.0, "high_degC": 100.0}, "sample_time_s": 1.0, "setpoint_ramp": None, "boost": None}
+    assert words_of(document, "s5-ob251", "words.json").values["TI"] == 9999
+    document["words"]["TI"] = 10_000
+    with pytest.raises(OutOfRange, match="word TI"):
+        words_of(document, "s5-ob251", "words.json")

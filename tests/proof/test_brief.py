@@ -11,7 +11,8 @@ from heatertune.model.model_values import Fopdt, TwoLag, model_by_hand
 from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Boost, Scaling, controller_for
 from heatertune.plc.design import encode, tune
-from heatertune.proof.long_outage import OutageTiming, nights_of
+from heatertune.proof.criteria import CRITERION
+from heatertune.proof.long_outage import LONGER, LongOutage, OutageTiming, nights_of
 from heatertune.proof.prove_words import course_for, prove
 from heatertune.proof.scenario import (
     Load,
@@ -487,3 +488,13 @@ def test_a_restart_under_a_load_that_overshoots_more_than_its_limit_blocks():
     assert "--limit reheat-overshoot, or overshoot for a restart" in told
     allowed = prove(words, fitted, setpoint_degC=52.0, limit=("overshoot=30%", "reheat-overshoot=50%"))
     assert "outage-under-load" not in [finding.name for finding in allowed.diagnostics.findings]
+
+
+@pytest.mark.parametrize(("now_s", "findings"), [(859.0, []), (861.0, ["winds-up"])])
+def test_the_time_to_return_grows_by_a_tenth_of_it_and_the_heaters_own_time_at_most(now_s, findings):
+    # docs/explain/proof.md: 600 s after the test sequence's open circuit, and H = 200 s: 600 + 60 + 200 s
+    def returns(seconds):
+        return CRITERION["reheat_time"].criterion(seconds, band="1"), CRITERION["reheat_overshoot"].criterion(1.0)
+
+    night = LongOutage(LONGER, Scenario(setpoint_degC=60.0, duration_s=1000.0), "After 4 h", heater_s=200.0)
+    assert [each.name for each in night.findings(night.compare(returns(now_s), returns(600.0)))] == findings

@@ -18,19 +18,21 @@ from heatertune.model.model_values import Fopdt, TwoLag, model_by_hand
 from heatertune.pid.design_values import PidDesign
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.controller import with_cooling
-from heatertune.plc.pwm import pid_compact
+from heatertune.plc.pwm import on_time, pid_compact
 from heatertune.proof import LoopLimits, SampleRequest, SampleSpread, replay, simulate
 from heatertune.proof.as_left import as_left
 from heatertune.proof.criteria import columns_of
+from heatertune.proof.heaters import scale_power
 from heatertune.proof.kernel import heat_after, period_of, switched_off, times_on
 from heatertune.proof.loop import in_loop, noise_of, plant_row, scans_of
 from heatertune.proof.monte_carlo.draw import measure
 from heatertune.proof.proof_document import ProofView
 from heatertune.proof.prove_words import actuator_for, course_for, prove
 from heatertune.proof.redesign import DesignRequest, find_passing_design
-from heatertune.proof.runs import measure_runs
+from heatertune.proof.runs import Runs, measure_runs
 from heatertune.proof.scenario import Load, Mains, NewSetpoint, PlcPower, Scenario, TemperatureStep
 from heatertune.proof.text_comparison import ComparisonResult, compare_text
+from heatertune.proof.verdict import Coverage
 from heatertune.settings import Conditions, TuneSettings
 
 PID_TEMP = controller_for("pid-temp-cooling")
@@ -143,6 +145,16 @@ def test_the_cooler_is_as_strong_whatever_the_mains_of_a_drawn_heater():
     assert np.ptp(power) > 0.3
 
 
+@pytest.mark.parametrize("mains_power", [0.81, 1.21])
+def test_the_cooler_is_as_strong_at_a_held_voltage_of_the_heater(mains_power):
+    # full heating lifts 90 °C at the rated voltage, and 90·0.81 or 90·1.21 °C; full cooling lowers by 45 °C at each
+    runs = Runs.of(PID_TEMP, WORDS, [("heater", scale_power(HEATER, mains_power))], STORY, SWITCH, LoopLimits(), Coverage(),
+                   interlock=None, mains_power=mains_power)
+    (_, model, _), *_ = runs.cases
+    assert 100.0 * model.gain_degC_per_pct == pytest.approx(90.0 * mains_power)
+    assert 100.0 * model.gain_degC_per_pct * runs.actuator.switches.cooling == pytest.approx(45.0)
+
+
 @pytest.mark.long
 def test_a_drawn_heater_with_a_cooler_is_measured_as_it_is_replayed_and_compiled_as_plainly(monkeypatch):
     drawing, found = SampleRequest.of(PID_TEMP, WORDS, [HEATER], STORY, SampleSpread(), SWITCH), []
@@ -175,6 +187,13 @@ def _edges(powers, cut=math.inf):
     for number, power in enumerate(powers):
         switched, owed = period_of(ring, switched, 2.0 * number, power, owed, numbers, cut)
     return ring, switched
+
+
+def test_heater_and_cooler_each_have_their_own_shortest_times():
+    # of 2 s: 10 % are 0.2 s, as short as the heater's pulse may be, the cooler's is 0.3 s; 95 % leave a pause of 0.1 s, the cooler's is 0.2 s
+    heat, cool, _ = SWITCH.switches
+    assert [on_time(power, 0.0, heat)[0] for power in (10.0, 95.0)] == pytest.approx([0.2, 1.9])
+    assert [on_time(power, 0.0, cool)[0] for power in (10.0, 95.0)] == [0.0, 2.0]
 
 
 def test_heater_and_cooler_follow_each_other_without_a_pause_and_never_both():

@@ -4,15 +4,16 @@ from pathlib import Path
 
 import pytest
 
-from heatertune.model.findings import KINDS
+from heatertune.model.findings import KINDS, Finding
 from heatertune.model.model_values import Fopdt, model_by_hand
 from heatertune.plc import Scaling, controller_for
 from heatertune.plc.design import encode, tune
-from heatertune.proof.event_table import EVENTS, EXCLUDED
+from heatertune.proof.event_table import EVENTS, EXCLUDED, NOT_RUN
 from heatertune.proof.heaters import MAINS_POWERS
-from heatertune.proof.long_outage import JUDGED, LOADED, WINDOW, OutageTiming, nights_of
+from heatertune.proof.long_outage import JUDGED, LOADED, PART, WINDOW, OutageTiming, nights_of, wound
 from heatertune.proof.prove_words import course_for
-from heatertune.proof.scenario import Mains, kinds_of
+from heatertune.proof.scenario import Mains, SetpointRampEvent, kinds_of
+from heatertune.proof.verdict import FitDiagnostics
 from heatertune.settings import Conditions
 
 HEATER = Fopdt(gain_degC_per_pct=1.0, time_constant_s=200.0, dead_time_s=20.0, ambient_degC=20.0)
@@ -56,6 +57,13 @@ def test_each_finding_of_an_additional_run_has_its_row():
     assert {*named} <= {*KINDS}
 
 
+@pytest.mark.parametrize("name", [event.finding for event in EVENTS if event.finding])
+def test_each_finding_blocks_and_is_designed_against_but_the_two_that_the_manual_calls_only_told(name):
+    told = name in ("outage-below", "loaded-window")  # docs/explain/events.md
+    assert KINDS[name].effect != "blocks" if told else KINDS[name].effect == "blocks"
+    assert wound(FitDiagnostics(findings=(Finding(name=name, message="After 4 h it overshoots."),))) == (set() if told else {name})
+
+
 def test_the_additional_runs_have_the_phases_that_the_table_names():
     runs = {}
     for scenario, again in ((_sequence(), LOADED), (_sequence(setpoint=60.0), WINDOW)):
@@ -68,6 +76,25 @@ def test_the_additional_runs_have_the_phases_that_the_table_names():
     for name, phases in table.items():
         ways = {"heat-up", "off", "change", "recovery"}  # to where it happens: from cold, to a lower setpoint, under a load
         assert phases <= runs[name] <= phases | ways, name
+
+
+def _unrested(scenario):
+    """Return the kinds of the phases that end with an event before the loop had time to come to rest, a profile's left out."""
+    kinds = (kind for kind, *_ in kinds_of(scenario))
+    return {kind for kind, rest_s, event in zip(kinds, scenario.rests_s, scenario.disturbances, strict=False)
+            if rest_s == 0.0 and not isinstance(event, SetpointRampEvent)}
+
+
+def test_no_event_comes_before_the_loop_is_at_rest_but_those_that_the_table_excepts():
+    assert NOT_RUN[-1].startswith("a second event before the loop is at rest, except without power, a setpoint rise right after it")
+    scenario = _sequence()
+    timing = OutageTiming(controller_for("esphome"), WORDS, controller_for("esphome").decode(WORDS), scenario, [HEATER])
+    nights = {night.name: _unrested(night.scenario) for night in nights_of(
+        scenario, [HEATER], timing.openings_s(), timing.restarts_s(), timing.lows_degC(), timing.lower_s(), again=LOADED)}
+    # "off" is without power, or the way back on which the setpoint rises; a fall of the setpoint by a part lasts as
+    # long as the test sequence's own, with its rest
+    assert {"off"} == _unrested(scenario) == set.union(*(kinds for name, kinds in nights.items() if name != PART))
+    assert nights[PART] == {"change"}
 
 
 def test_each_exclusion_names_an_event_of_the_table():

@@ -32,7 +32,7 @@ from heatertune.proof.loop import in_loop
 from heatertune.proof.meter import COLUMNS, HIGHEST, LOWEST, SETTLED, TOTALS, begin, is_led, no_meter
 from heatertune.proof.phase_statistics import CriterionTable
 from heatertune.proof.runs import measure_runs
-from heatertune.proof.scenario import SetpointRampEvent, delay_heater, phases_of
+from heatertune.proof.scenario import NewSetpoint, SetpointRampEvent, delay_heater, phases_of
 
 #: between both ways: they add up in another order and take exponentials over other times
 NEAR = {"rel": 1e-9, "abs": 1e-9}
@@ -181,6 +181,20 @@ def test_a_ramp_that_stays_below_its_end_goes_beyond_it_by_nothing():
         totals=np.zeros((2, TOTALS)), ripple=np.zeros(2))
     column = next(each for each in columns_of(measured, LoopLimits()) if each.name == "ramp_overshoot")
     assert column.values.tolist() == [0.0, 20.0]
+
+
+def test_a_small_change_of_the_setpoint_is_judged_by_the_change():
+    # 0.5 °C beyond the setpoint after 2 °C down and 2 °C up: 25 % of the change, which are 1.25 % of the 40 °C from 20 to 60 °C
+    scenario = Scenario(setpoint_degC=60.0, duration_s=300.0, disturbances=(
+        NewSetpoint(time_s=100.0, setpoint_degC=58.0, small=True), NewSetpoint(time_s=200.0, setpoint_degC=60.0, small=True)))
+    table, rows = np.zeros((1, 3, COLUMNS)), np.array([[1.0, 100.0, 0.0, 10.0, 20.0, 20.0]])
+    table[:, 1, LOWEST], table[:, :, HIGHEST] = -0.25, [0.5, 0.0, 0.5]
+    measured = CriterionTable(
+        scenario=scenario, period_s=1.0, band_degC=1.0, phases=phases_of(scenario, 300.0, 80.0), rows=rows, table=table,
+        totals=np.zeros((1, TOTALS)), ripple=np.zeros(1))
+    columns = {each.name: each for each in columns_of(measured, LoopLimits(small_change_overshoot_pct=30.0))}
+    assert columns["small_change_overshoot"].values.tolist() == [25.0]
+    assert columns["overshoot"].values.tolist() == [1.25]
 
 
 def test_a_setpoint_moves_where_its_rate_is_not_0():

@@ -40,8 +40,9 @@ def test_no_ripple_without_power_or_at_full_power_and_most_of_it_in_the_middle()
     assert found[2] == pytest.approx(37.0 * 20.0 * 0.25 / 167.0, rel=0.01)
 
 
-def _propose(kind, ta, most=0.2, models=(HEATER,)):
-    return propose_period(models, kind=kind, sample_time_s=ta, setpoint_degC=40.5, ambient_degC=20.0, ripple_degC_most=most)
+def _propose(kind, ta, most=0.2, models=(HEATER,), tick=None):
+    return propose_period(models, kind=kind, sample_time_s=ta, setpoint_degC=40.5, ambient_degC=20.0, ripple_degC_most=most,
+                          tick_s=tick)
 
 
 def test_contacts_get_the_longest_period_within_the_ripple_and_whole_periods_in_ta():
@@ -76,6 +77,23 @@ def test_a_solid_state_relay_gets_the_shortest_period_of_a_second_or_more():
     assert _propose("ssr", 4.5).period_s == pytest.approx(1.125)
     assert _propose("ssr", 0.4).period_s == 0.4
     assert "contacts" not in _propose("ssr", 30.0).summary
+
+
+@pytest.mark.parametrize(("tick", "ta", "period"), [
+    (0.1, 60.0, 5.0),  # OB13 of an S5 comes every 100 ms unless SD97 is changed (manual of the S5-115U): 50 of them are 5 s
+    (0.1, 53.0, 5.3),  # the least part of 53 s that is 50 whole ticks or more
+    (0.1, 4.0, 1.0),   # no part is 50 ticks: finer ones
+    (0.01, 2.25, 2.25),  # half of it is 112.5 half-waves of 50 Hz
+])
+def test_a_solid_state_relay_gets_fifty_steps_of_the_controllers_usual_clock(tick, ta, period):
+    oven = Fopdt(gain_degC_per_pct=1.14, time_constant_s=4600.0, dead_time_s=200.0, ambient_degC=20.0)
+    assert _propose("ssr", ta, models=(oven,), tick=tick).period_s == pytest.approx(period)
+
+
+def test_a_heater_too_fast_for_fifty_steps_of_that_clock_keeps_the_short_period():
+    # k·100·P·d·(1 − d)/T: 5 s at half power are 37·5·0.25/167 = 0.28 °C, 1 s is 0.055 °C
+    assert _propose("ssr", 60.0, tick=0.1).period_s == 1.0
+    assert _propose("ssr", 60.0, most=0.3, tick=0.1).period_s == 5.0
 
 
 def test_the_worst_heater_decides_and_a_ripple_that_cannot_be_had_is_told():

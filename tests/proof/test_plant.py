@@ -8,6 +8,7 @@ from scipy.integrate import solve_ivp
 
 from heatertune.heater import exact
 from heatertune.heater.exact import turning_times
+from heatertune.proof.kernel import HEAT, LOAD, apply_event
 from heatertune.proof.plant import Flow, advance_heater, factors, plant_from, turn
 
 lags = st.floats(1.0, 1e4)
@@ -89,3 +90,10 @@ def test_the_turn_between_two_instants_is_the_one_of_the_whole_stretch(second):
     assert turn(early, late, heater) == pytest.approx(expected, abs=1e-9)
     assert turn(begin, early, heater) == math.inf
     assert turn(early, late, heater._replace(second=0.0)) == math.inf
+
+
+def test_mains_change_the_heaters_power_and_neither_a_load_nor_a_cooler():
+    # 1 °C/% from 20 °C: at 81 % of the power full power leads by 81 °C, a draught takes 10 °C as at any voltage, a cooler 50 °C
+    heater, low_mains = plant_from(1.0, 100.0, 0.0, 0.0, 20.0), Flow(0.0, 60.0, 60.0, 101.0, 100.0, 0.0, 0.81)
+    assert apply_event(heater, low_mains, LOAD, -10.0).target == pytest.approx(20.0 + 81.0 - 10.0)
+    assert apply_event(heater, low_mains._replace(load=-10.0), HEAT, -50.0).target == pytest.approx(20.0 - 50.0 - 10.0)

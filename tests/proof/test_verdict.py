@@ -11,6 +11,8 @@ import pytest
 from heatertune.codec import encode
 from heatertune.errors import DocumentError, ExportRefused, InputError, UnknownName
 from heatertune.model.findings import KINDS, Finding, remedy_of
+from heatertune.model.model_values import Fopdt
+from heatertune.pid.design_values import Margins, PidDesign
 from heatertune.pid.sampled_loop import margins
 from heatertune.plc import Certificate, Ramp, controller_for
 from heatertune.plc.open_points import settings_to_prove
@@ -394,3 +396,22 @@ def test_the_least_round_number_of_samples_that_decides_is_suggested():
     # 59 that all pass are the fewest for 95 % with 95 % confidence (Wilks), so 100 decide
     drawn = {"count": 50, "quantile": 0.95, "settings": [{"switches": {}, "passing_count": 50}]}
     assert samples_text(drawn).endswith(": --samples 100")
+
+
+def _p_design(gain):
+    return PidDesign(gain_pct_per_degC=gain, integral_time_s=math.inf, derivative_time_s=0.0, sample_time_s=1.0, structure="p", method="")
+
+
+@pytest.mark.parametrize("order", [(1.0, 2.0), (2.0, 1.0)])
+def test_a_heater_has_the_worst_margin_of_all_designs_that_its_words_realise(order):
+    of = {1.0: Margins(ms=1.4, mt=1.3, gain_margin=2.0, phase_margin_deg=60.0), 2.0: Margins(ms=1.9, mt=1.1, gain_margin=3.0, phase_margin_deg=40.0)}
+    heater = Fopdt(gain_degC_per_pct=1.0, time_constant_s=100.0, dead_time_s=10.0, ambient_degC=20.0)
+    acceptance = Acceptance(margins_of=lambda _, design: of[design.gain_pct_per_degC])
+    assert acceptance.margins([_p_design(gain) for gain in order], [heater]) == {
+        heater: Margins(ms=1.9, mt=1.3, gain_margin=2.0, phase_margin_deg=40.0)}
+
+
+def test_the_coarser_of_the_logs_reading_and_of_the_controllers_moves_the_power():
+    # P of 4 %/°C: 0.5 °C of noise in the log move 2 %, and a module's step of 1 °C moves 4 %
+    acceptance = Acceptance(reading_step_degC=0.5)
+    assert [acceptance.step_power_pct([_p_design(4.0)], step) for step in (0.1, 1.0)] == [2.0, 4.0]

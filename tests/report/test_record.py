@@ -170,6 +170,7 @@ def test_verdict_steps_and_what_was_not_proven_stand_in_the_page(page):
                      "Specification", "Proof", "What was not proven", "Troubleshooting", "Design and rounding", "Model", "Log", "Assumptions", "Comparison with other designs", "Terms"]
     assert 'class="verdict pass"' in page
     assert "a jittering timer (see <code>heatertune verify --samples</code>" in page
+    assert "Not run: a second event before the loop is at rest" in page
 
 
 @pytest.mark.long

@@ -145,7 +145,7 @@ EXCLUDED: Final = (
 
 #: what happens in a plant, and no run shows
 NOT_RUN: Final = (
-    "manual mode and back: the program of the controller decides; see its page",
-    "sensor break and return: the supervision that is exported next to the controller is tested for it",
-    "a second event before the loop is at rest, other than during an open circuit",
+    "manual mode and back, which the controller's own program decides",
+    "sensor break and return, for which the exported supervision is tested",
+    "a second event before the loop is at rest, except without power, a setpoint rise right after it, and a profile",
 )

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Final, NamedTuple
 
 from heatertune.errors import InputError, UnknownName
 from heatertune.model.model_values import HeaterModel
-from heatertune.plc.pwm import in_ticks
+from heatertune.plc.pwm import in_ticks, tick_for
 from heatertune.units import check
 
 __all__ = ["SWITCHES", "PwmPeriod", "holding_power_pct", "life", "propose_period", "ripple_at", "ripple_degC"]
@@ -84,7 +84,9 @@ def propose_period(
 ) -> PwmPeriod:
     """Return the PWM period for a kind of switch: whole periods in each sampling interval, or whole intervals in each.
 
-    A solid-state relay gets the shortest that suits it, contacts get the longest whose ripple stays within the limit.
+    A solid-state relay gets the shortest that suits it, and contacts the longest whose ripple stays within the limit.
+    If the ripple permits, a solid-state relay's is so long that the controller's usual clock makes at least fifty steps
+    of it: the S5's interrupt every 100 ms needs 5 s. A finer clock takes a share of the controller's time.
 
     Args:
         models: the heaters to serve.
@@ -93,7 +95,7 @@ def propose_period(
         setpoint_degC: where the loop rests [°C].
         ambient_degC: temperature without power, for models that do not know theirs [°C].
         ripple_degC_most: largest ripple, peak to peak [°C].
-        tick_s: as for `heatertune.plc.pwm.in_ticks`: only such periods.
+        tick_s: `Controller.tick_s`; only periods in its ticks; None: any.
 
     Raises:
         UnknownName: no such kind of switch.
@@ -108,26 +110,24 @@ def propose_period(
     check("ripple_degC_most", ripple_degC_most, above=0.0)
 
     ripple = partial(ripple_at, models, setpoint_degC=setpoint_degC, ambient_degC=ambient_degC)
-    switch = SWITCHES[kind]
+    switch, wears = SWITCHES[kind], math.isfinite(SWITCHES[kind].life)
     most = math.floor(sample_time_s / switch.shortest_s + 1e-9)  # periods in a sampling interval
-    if most == 0 and math.isfinite(switch.life):
+    if most == 0 and wears:
         periods = [sample_time_s * math.ceil(switch.shortest_s / sample_time_s - 1e-9)]
     else:
         parts = range(1, max(1, most) + 1)
         periods = [sample_time_s / n for n in parts if n == 1 or in_ticks(sample_time_s / n, tick_s)]
-    wanted = [period for period in periods if ripple(period) <= ripple_degC_most and math.isfinite(switch.life)]
-    period = wanted[0] if wanted else periods[-1]
+    calm = [period for period in periods if ripple(period) <= ripple_degC_most and (
+        wears or tick_s == tick_for(tick_s, sample_time_s=sample_time_s, pwm_period_s=period))]
+    period = calm[0 if wears else -1] if calm else periods[-1]
     waves = ripple(period)
     told = f"PWM period {period:.4g} s for a {switch.name}: ripple {waves:.2g} °C peak to peak at {setpoint_degC:g} °C"
     if waves > ripple_degC_most:
         told += f", above the {ripple_degC_most:.2g} °C wanted; a shorter period would take a faster TA or finer steps"
-    return PwmPeriod(period_s=period, ripple_degC=waves, summary=f"{'; '.join((told, *_worn(kind, 3600.0 / period)))}.")
-
-
-def _worn(kind: str, per_hour: float) -> Iterator[str]:
-    made_for = SWITCHES[kind].life
-    if math.isfinite(made_for):
-        yield f"{per_hour:.0f} switchings an hour, so contacts made for {made_for:,.0f} last {life(kind, per_hour)}"
+    if wears:
+        told += (f"; {3600.0 / period:.0f} switchings an hour, so contacts made for {switch.life:,.0f} last "
+                 f"{life(kind, 3600.0 / period)}")
+    return PwmPeriod(period_s=period, ripple_degC=waves, summary=f"{told}.")
 
 
 def life(kind: str, switchings_per_h: float) -> str:

@@ -23,6 +23,7 @@ from heatertune.plc.inputs import describe_range
 from heatertune.plc.keyed_entry import KeyedEntry
 from heatertune.plc.targets import commissioning
 from heatertune.proof.criteria import CRITERION, LIMITS
+from heatertune.proof.event_table import NOT_RUN
 from heatertune.proof.profile import Profile
 from heatertune.proof.verdict import blocking_findings, relaxed_clause, sample_lines, samples_text, verdict_notes
 from heatertune.report import plots
@@ -151,6 +152,7 @@ def limits(documents: Documents) -> str:
         "A faulty sensor, a stuck relay, a jittering timer (see `heatertune verify --samples`).",
         ends,
         *(f"Not tested: {part}." for part in proof["not_tested"]),
+        *(f"Not run: {part}." for part in NOT_RUN),
     ]
     return f"<h2>What was not proven</h2>{bullets(unproven)}"
 
