@@ -9,8 +9,8 @@ import pytest
 
 from heatertune.settings import Conditions
 from heatertune.zones import design_zones, network_by_hand, prove_zones
+from heatertune.zones.joint_loop import name_order, start_orders, summarize_orders
 from heatertune.zones.joint_proof import specification_for
-from heatertune.zones.start_orders import name_order, start_orders, summarize_orders
 from tests.bench.zone_judge import simulated
 from tests.bench.zone_starts import started
 from tests.zones.networks import chain

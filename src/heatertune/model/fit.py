@@ -143,8 +143,7 @@ def _fit_unlogged(
 
 def _switched_manually(fitted: FittedModel, log: Log, bounds: Bounds | None, largest_power_pct: float | None
                        ) -> FittedModel:
-    """Return the fit of constant power that was switched manually, where no controller made the log and it explains it.
-    """
+    """Return the fit of constant power that was switched manually, where no controller made the log."""
     if all(finding.name != "not-regulated" for finding in fitted.findings):
         return fitted
     manual = fit_manual_switching(log, ambient_degC=bounds, largest_power_pct=largest_power_pct)

@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
+from itertools import permutations
 from typing import Any, Final, NamedTuple, cast
 
 import numpy as np
@@ -42,9 +43,10 @@ from heatertune.zones.joint_kernel import (
 from heatertune.zones.network import ThermalNetwork
 
 __all__ = [
-    "JointCriterion", "JointTrace", "PeakPower", "RunPhase", "ZoneEvent", "ZoneLoop", "bound_kernel", "calm_actuator",
-    "event_arrays", "memory_at_rest", "nested_pairs", "network_arrays", "offsets_for", "overshoot_criteria",
-    "ramp_program", "residual_error_degC", "rest_criteria", "run_zones", "tightest_degC", "zone_spread",
+    "JointCriterion", "JointTrace", "PeakPower", "RunPhase", "StartOrder", "ZoneEvent", "ZoneLoop", "bound_kernel",
+    "calm_actuator", "event_arrays", "memory_at_rest", "name_order", "nested_pairs", "network_arrays",
+    "offsets_for", "overshoot_criteria", "ramp_program", "residual_error_degC", "rest_criteria", "run_zones",
+    "start_orders", "summarize_orders", "tightest_degC", "zone_spread",
 ]
 
 _MOST_PLAIN: Final = 20_000  # scans of all zones that take as long as to compile the kernel
@@ -55,6 +57,7 @@ _FADING: Final = 10  # scans after which P and D parts stay
 _MOST_TRIES: Final = 1000  # of moving the power to the middle
 _STAYS: Final = 300  # scans without a change of the power: such an error is never corrected
 _RIPPLE: Final = 0.2  # of the tolerance, peak to peak: so much is left to the PWM
+_EVERY_ORDER: Final = 3  # zones of which every order is run
 _OF_RANGE: Final = 0.25  # of the sensor's counts: larger errors are not tried
 
 
@@ -552,3 +555,43 @@ class PeakPower:
                 self.most = max(self.most, int(most.max()))
                 self.periods += len(most)
                 self.within_bound += int(np.count_nonzero(most <= bound))
+
+
+#: groups of zones, by their numbers, each started when those before it rest
+StartOrder = tuple[tuple[int, ...], ...]
+
+
+def start_orders(zones: int) -> tuple[StartOrder, ...]:
+    """Return the orders in which so many zones are started: of up to three every order, of more each first and last.
+
+    In the first ones, a zone that rests is followed by all others at once, which move it the most.
+    """
+    every = range(zones)
+    alone = [(zone, tuple(other for other in every if other != zone)) for zone in every]
+    orders, last = list(permutations(every)), []
+    if zones > _EVERY_ORDER:
+        orders = [tuple(every), tuple(every[::-1]), (*every[::2], *every[1::2]), (*every[1::2], *every[::2])]
+        last = [(others, (zone,)) for zone, others in alone]
+    first = [((zone,), others) for zone, others in alone if others]
+    return tuple(dict.fromkeys([*first, *(tuple((zone,) for zone in order) for order in orders), *last]))
+
+
+def name_order(order: StartOrder, zones: Sequence[str], more: str = "") -> str:
+    """Return the label of a run in which zones of these names are started in an order; `more`: what else differs."""
+    groups = ", then ".join(" and ".join(zones[zone] for zone in group) for group in order)
+    return f"zones started in turn: {groups}{more and ', '}{more}"
+
+
+def summarize_orders(zones: Sequence[str], runs: Sequence[str]) -> list[str]:
+    """Return what a verdict says about the orders in which zones are started, a line; nothing where one was not run.
+
+    Args:
+        zones: their names.
+        runs: labels of the runs.
+    """
+    orders = start_orders(len(zones))
+    if not {name_order(order, zones) for order in orders} <= {*runs}:
+        return []
+    which = "every order" if len(zones) <= _EVERY_ORDER else f"{len(orders)} orders, each zone first and last"
+    first = "; one before all others, which follow when it rests or nears its setpoint" if len(zones) > 1 else ""
+    return [f"starts: all zones together; one after the other in {which}, each when those before it rest{first}"]

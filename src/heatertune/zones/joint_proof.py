@@ -33,20 +33,23 @@ from heatertune.zones.joint_loop import (
     JointTrace,
     PeakPower,
     RunPhase,
+    StartOrder,
     ZoneEvent,
     ZoneLoop,
     calm_actuator,
+    name_order,
     offsets_for,
     overshoot_criteria,
     residual_error_degC,
     rest_criteria,
     run_zones,
+    start_orders,
+    summarize_orders,
     tightest_degC,
     zone_spread,
 )
 from heatertune.zones.joint_tuning import JOINT_MS, JointDesign
 from heatertune.zones.network import ThermalNetwork
-from heatertune.zones.start_orders import StartOrder, name_order, start_orders, summarize_orders
 
 __all__ = [
     "HOLDING_POWERS", "SPREAD_NAME", "JointProof", "ZoneSpecification", "prove_zones",

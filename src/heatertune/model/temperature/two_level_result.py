@@ -230,8 +230,7 @@ _FEW_FACTS: Final = (
 
 
 def _is_assumed(fit: TwoLevelFit, ambient_degC: tuple[float, float] | None) -> bool:
-    """Return whether neither the log nor a statement shows that the lower level is no power, and full power the other.
-    """
+    """Return whether neither the log nor a statement shows that it switches full power and none."""
     if fit.is_manual:
         return not fit.is_power_stated
     return (fit.thermostat is None and fit.switched_rows is None and ambient_degC is None) and not fit.shows_ambient
