@@ -298,7 +298,7 @@ def planted_by_hand(copied, faults):
     of_each = defaultdict(Counter)
     for fault in faults:
         path = copied / SOURCE / fault["file"]
-        plain = path.read_text()
+        plain = path.read_text() if path.exists() else ""
         found = plain.count(fault["old"]) == 1
         outcome = struck(path, plain.replace(fault["old"], fault["new"]), ["-m", "fast", *fault["tests"]], LONGEST_S) if found else "NOT THERE"
         of_each[fault["area"]][outcome] += 1
