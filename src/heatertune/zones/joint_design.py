@@ -89,7 +89,7 @@ def _start_together(proof: JointProof, prove: Callable[..., JointProof]) -> Join
         prove: proves a design with the limit.
     """
     plain = prove(proof.design)
-    if plain.verdict != "FAIL" or not all(each.ok or each.name in _OF_STARTS for each in plain.criteria):
+    if plain.verdict != "FAIL" or not _keeps_all_but(_OF_STARTS, plain):
         return plain
     ramped = [plain.design.with_ramp(ramp) for ramp in _ramps(plain)]
     for design in ramped:
@@ -97,8 +97,11 @@ def _start_together(proof: JointProof, prove: Callable[..., JointProof]) -> Join
         if found.verdict != "FAIL":
             return found
     whole = [plain, *map(prove, ramped)]
-    return min((each for each in whole if all(one.ok for one in each.criteria if one.name != SPREAD_NAME)),
-               key=_worst_share, default=plain)
+    return min(filter(partial(_keeps_all_but, (SPREAD_NAME,)), whole), key=_worst_share, default=plain)
+
+
+def _keeps_all_but(names: Sequence[str], proof: JointProof) -> bool:
+    return all(each.ok or each.name in names for each in proof.criteria)
 
 
 def _ramps(proof: JointProof) -> Iterator[Ramp]:
