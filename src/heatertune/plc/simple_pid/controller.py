@@ -177,14 +177,19 @@ def _read(body: Sequence[ast.stmt], sample_time_s: float | None, source: str) ->
 
 def _demand_degrees(body: Sequence[ast.stmt], constructor: ast.Call, source: str) -> None:
     """Refuse a reading in counts of a converter, or in °F: the gains are then per count or °F."""
-    nodes = [node for each in body for node in ast.walk(each)]
-    own = [_named(node.targets[0]) for node in nodes if isinstance(node, ast.Assign) and node.value is constructor]
-    for call in (node for node in nodes if isinstance(node, ast.Call) and _named(node.func) in own):
+    for call in _calls_of(body, constructor):
         shown = "".join(ast.unparse(argument) for argument in call.args[:1])
         factor = "1.8" if _FAHRENHEIT.search(shown) else "the counts per °C" if _COUNTS.fullmatch(shown) else None
         if factor is not None:
             raise wrong(source, call.lineno, "reading", shown,
                         f"one in °C: let the program convert it, and multiply each gain by {factor}")
+
+
+def _calls_of(body: Sequence[ast.stmt], constructor: ast.Call) -> list[ast.Call]:
+    """Return the calls of the object that a constructor makes."""
+    nodes = [node for each in body for node in ast.walk(each)]
+    own = [_named(node.targets[0]) for node in nodes if isinstance(node, ast.Assign) and node.value is constructor]
+    return [node for node in nodes if isinstance(node, ast.Call) and _named(node.func) in own]
 
 
 def _output(
