@@ -14,7 +14,7 @@ from heatertune.model.diagnostics import Remark, findings_of, poor_remarks
 from heatertune.model.model_values import Candidate, FitOutcome, FittedModel, HeaterModel, Residuals
 from heatertune.model.reduction import COMBINATIONS, FIELDS, PROPORTIONAL_TO_GAIN
 from heatertune.model.statistics import Interval, autocorrelation, fit_pct, identified_interval
-from heatertune.model.temperature.evidence import Thresholds, reading_margin_degC, threshold_between
+from heatertune.model.temperature.evidence import Thresholds, end_of_rest, reading_margin_degC, threshold_between
 from heatertune.model.temperature.two_level import LONGEST, SwitchingSolution, TwoLevelFit, change_s
 
 __all__ = ["two_level_model"]
@@ -41,9 +41,8 @@ def _dead_times(solution: SwitchingSolution, fit: TwoLevelFit) -> _DeadTimes:
     offs = instants[0 if problem.is_on else 1 :: 2]
     if fit.switched_rows is not None:
         return _by_rows(solution, fit)
-    if fit.is_manual:  # switched on within the log, or no later than one time constant before the temperature shows it
-        is_on = problem.is_on or not len(instants)
-        return _DeadTimes(0.0, math.exp(solution.lag) if is_on else float(instants[0] - problem.time_s[0]))
+    if fit.is_manual:
+        return _by_rest(solution, fit)
     stretches = np.diff(instants)
     longest = float(np.median(stretches)) if len(stretches) else float(instants[0] - problem.time_s[0])
     row = float(np.median(np.diff(fit.log.time_s)))
@@ -73,6 +72,13 @@ def _thresholds(fit: TwoLevelFit) -> Thresholds | None:
             best.temperature_degC(turns - row), best.temperature_degC(turns), margin) for turns in instants))
         thresholds = inside if thresholds is None else thresholds.or_of(inside)
     return thresholds
+
+
+def _by_rest(solution: SwitchingSolution, fit: TwoLevelFit) -> _DeadTimes:
+    """Return the dead times up to the rest at first, or of a log that may begin later up to the time constant [s]."""
+    is_off = end_of_rest(fit.log) is not None and len(solution.instants) > 0 and not solution.problem.is_on
+    rest_s = float(solution.instants[0] - solution.problem.time_s[0]) if is_off else 0.0
+    return _DeadTimes(0.0, rest_s if rest_s > 0.0 else math.exp(solution.lag))
 
 
 def _by_rows(solution: SwitchingSolution, fit: TwoLevelFit) -> _DeadTimes:
