@@ -161,7 +161,7 @@ def from_text(text: str, _sample_time_s: float | None, source: str) -> ReadBack:
     Raises:
         InputError: no constructor of PID_v1 or several; a gain that is no number, has several values or is out of its
             range; REVERSE; a lower limit other than 0; gains that the sketch changes later; an output whose full
-            power is not constants; a reading in counts.
+            power is not constants.
     """
     plain = blank_matches(_COMMENT, text.replace("\r\n", "\n").replace("\r", "\n"))
     demand_whole_lines(plain, source)
@@ -176,7 +176,6 @@ def from_text(text: str, _sample_time_s: float | None, source: str) -> ReadBack:
         _demand_direct(call.arguments, call.line, source)
     arguments = made[0][2] or made[0][4] or ""
     gains, mode = _gains(arguments, line, calls["Tunings"], constants, source)
-    _demand_degrees(arguments.partition(",")[0].strip(" &"), constants, source)
     collected = WordCollector(source, FIELDS)
     for field, (where, value) in zip(GAINS, gains, strict=True):
         collected.put(field.name, _number(value, constants), where, _shown(value, constants))
@@ -199,6 +198,7 @@ def from_text(text: str, _sample_time_s: float | None, source: str) -> ReadBack:
     full, is_stated = _full(plain, constants, high, source)
     collected.put("Full", full, 0, f"{full}")
     assumed += [] if is_stated else [f"output {high:g} = full power"]
+    assumed += _other_unit(arguments.partition(",")[0].strip(" &"), constants)
     return ReadBack(collected.values(), assumed=tuple(assumed))
 
 
@@ -209,14 +209,14 @@ def _demand_known_functions(plain: str, own: str, source: str) -> None:
             raise wrong(source, _line(plain, match.start()), f"{own}.{match[1]}", match[0], "a function of PID_v1")
 
 
-def _demand_degrees(reading: str, constants: Mapping[str, str], source: str) -> None:
-    """Refuse a reading in counts of the converter, or in °F: the gains are then per count or °F."""
+def _other_unit(reading: str, constants: Mapping[str, str]) -> list[str]:
+    """Return that the reading is taken to be in °C, where the sketch has counts of the converter, or °F."""
     names = constants.get(reading, "").split(" and ")
     for value in (part for name in names for part in constants.get(name, name).split(" and ")):
         if _COUNTS.fullmatch(value) or _FAHRENHEIT.search(value):
             unit, factor = ("counts", "the counts per °C") if _COUNTS.fullmatch(value) else ("°F", "1.8")
-            raise InputError(f"{source}: {reading} = {value[:40]}: {unit}; expected a reading in °C: let the sketch "
-                             f"convert it, and multiply each gain by {factor}")
+            return [f"{reading} in °C, not {unit} as {value[:40]} has (else multiply each gain by {factor})"]
+    return []
 
 
 def _calls(plain: str, source: str) -> dict[str, list[_LibraryCall]]:

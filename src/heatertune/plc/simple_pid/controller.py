@@ -150,7 +150,6 @@ def _read(body: Sequence[ast.stmt], sample_time_s: float | None, source: str) ->
         raise InputError(f"{source}: {len(calls) or 'no'} calls of PID; expected one, such as PID(2.0, 0.1, 0.0, "
                          "output_limits=(0, 100))")
     constants, call = _constants(body), calls[0]
-    _demand_degrees(body, call, source)
     given, lines = _arguments(call, constants, source), dict.fromkeys(_ORDER, call.lineno)
     unstated = {name for number, name in enumerate(_GAIN_NAMES)
                 if number >= len(call.args) and all(keyword.arg != name for keyword in call.keywords)}
@@ -172,17 +171,17 @@ def _read(body: Sequence[ast.stmt], sample_time_s: float | None, source: str) ->
     slow = given["sample_time"]
     assumed += [f"{name} = {given[name]:g}" for name in _GAIN_NAMES if name in unstated]
     over = () if slow is None else (f"sample_time = {slow}: calls that come sooner are left out, which is not run",)
-    return ReadBack(collected.values(), over, assumed=(*assumed, *told))
+    return ReadBack(collected.values(), over, assumed=(*assumed, *told, *_other_unit(body, call)))
 
 
-def _demand_degrees(body: Sequence[ast.stmt], constructor: ast.Call, source: str) -> None:
-    """Refuse a reading in counts of a converter, or in °F: the gains are then per count or °F."""
+def _other_unit(body: Sequence[ast.stmt], constructor: ast.Call) -> list[str]:
+    """Return that the reading is taken to be in °C, where the program has counts of a converter, or °F."""
     for call in _calls_of(body, constructor):
         shown = "".join(ast.unparse(argument) for argument in call.args[:1])
-        factor = "1.8" if _FAHRENHEIT.search(shown) else "the counts per °C" if _COUNTS.fullmatch(shown) else None
-        if factor is not None:
-            raise wrong(source, call.lineno, "reading", shown,
-                        f"one in °C: let the program convert it, and multiply each gain by {factor}")
+        if _FAHRENHEIT.search(shown) or _COUNTS.fullmatch(shown):
+            unit, factor = ("°F", "1.8") if _FAHRENHEIT.search(shown) else ("counts", "the counts per °C")
+            return [f"the reading in °C, not {unit} as {shown[:40]} has (else multiply each gain by {factor})"]
+    return []
 
 
 def _calls_of(body: Sequence[ast.stmt], constructor: ast.Call) -> list[ast.Call]:
