@@ -515,8 +515,8 @@ def _points(record: _Record) -> list[_Point]:
     """Return time and value of the points in a record of a series, empty if it is none."""
     lists = {name: part for name, part in record.items() if isinstance(part, list) and part}
     clock = next((name for name in lists if role_of(name) == "time"), None)
-    if clock is not None and len(lists) == _TITLES:  # a list of times beside one of values
-        return [(str(at), str(value)) for at, value in zip(lists.pop(clock), *lists.values(), strict=False)]
+    if clock is not None and len(lists) == _TITLES:  # times beside values; of other lengths they are no series
+        return [(str(at), str(value)) for at, value in zip(lists.pop(clock), *lists.values(), strict=True)]
     return _points_of_rows(next(iter(lists.values()))) if len(lists) == 1 else []
 
 
@@ -594,7 +594,8 @@ def _bracketed(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable
     if not found:  # JSON that breaks no lines, or breaks rows
         found = [*enumerate(([row] for row in _ROW.findall("\n".join(line for _, line in numbered))), start=1)]
     rows = [(number, [cell.strip(" '\"\n") for cell in row[0].split(",")]) for number, row in found]
-    return FormatTable.from_rows((), rows, f"Rows in brackets: {count(len(rows), 'row')} read.")
+    return FormatTable.from_rows((), rows, f"Rows in brackets: {count(len(rows), 'row')} read, "
+                                 f"{max(len(numbered) - len(rows), 0)} other lines passed over.")
 
 
 def _is_bracketed(lines: Sequence[Line]) -> bool:
