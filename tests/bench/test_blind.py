@@ -1,4 +1,4 @@
-"""Of logs without power that no tried law made, nothing is identified but a thermostat's heater; no verdict is PASS."""
+"""Of logs without power that no tried law made, only the heater under constant power is identified; no verdict PASS."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,9 @@ from heatertune.model.model_values import FitOutcome
 from tests.bench import blind
 
 THERMOSTATS = ["thermostat", "slow thermostat"]
-OTHERS = [kind for kind, (_, law_is_tried) in blind.KINDS.items() if not law_is_tried and kind not in THERMOSTATS]
+SWITCHED_MANUALLY = ["pulse", "long pulse", "part pulse", "rest pulse", "firings"]
+OTHERS = [kind for kind, (_, law_is_tried) in blind.KINDS.items()
+          if not law_is_tried and kind not in (*THERMOSTATS, *SWITCHED_MANUALLY)]
 
 
 def _fitted(case, folder):
@@ -25,6 +27,24 @@ def test_no_parameter_is_identified_and_the_verdict_is_blocked(kind, tmp_path):
     assert fitted.outcome is FitOutcome.LAW_UNKNOWN
     assert all(interval is None for interval in fitted.ci95.values())
     assert not fitted.combinations
+    assert any(finding.kind.effect == "blocks" for finding in fitted.findings)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("kind", SWITCHED_MANUALLY)
+def test_of_constant_power_that_was_switched_only_what_it_shows_is_identified_and_the_verdict_is_blocked(kind, tmp_path):
+    # power times gain is shown, not each of them: the power may be less than full, and the gain then more than fitted
+    case = blind.make(kind, 7)
+    fitted = _fitted(case, tmp_path)
+    assert fitted.outcome is FitOutcome.COMBINATIONS_ONLY
+    assert fitted.ci95["gain_degC_per_pct"] is None
+    assert blind.outside(case, fitted) == []
+    product = fitted.combinations["gain_per_time_constant_degC_per_s_pct"][1]
+    total_lag = case.heater.lags[0] + sum(case.heater.lags[1:]) / 2.0  # the half rule (Skogestad 2003) for two lags
+    assert product.low <= 1.02 * case.heater.gain / total_lag
+    assert product.high is None
+    dead = fitted.combinations["effective_dead_time_s"][1]
+    assert dead.low <= case.heater.dead + sum(case.heater.lags[1:]) / 2.0 <= dead.high
     assert any(finding.kind.effect == "blocks" for finding in fitted.findings)
 
 

@@ -143,14 +143,27 @@ def _fit_unlogged(
 
 def _switched_manually(fitted: FittedModel, log: Log, bounds: Bounds | None, largest_power_pct: float | None
                        ) -> FittedModel:
-    """Return the fit of constant power that was switched manually, where no controller made the log."""
-    if all(finding.name != "not-regulated" for finding in fitted.findings):
+    """Return the fit of constant power that was switched manually, where no controller made the log.
+
+    A controller that reduces its power on the way looks like a constant power and a quicker heater: nothing is
+    identified where the log only heats, or where the initial state moves it more than the power of a controller does.
+    """
+    found = {finding.name for finding in fitted.findings}
+    if "not-regulated" not in found:
         return fitted
     manual = fit_manual_switching(log, ambient_degC=bounds, largest_power_pct=largest_power_pct)
     if manual is None or not (manual.explains and manual.has_many_rows):
         return fitted
-    as_well = manual.rmse_degC <= AS_WELL * fitted.hypotheses[0].rmse_degC
-    return two_level_model(manual, bounds, fitted.hypotheses) if as_well else fitted
+    ratio = manual.rmse_degC / max(fitted.hypotheses[0].rmse_degC, 1e-9)
+    if ratio > AS_WELL or ("unexplained-by-power" in found and ratio > 1.0 / AS_WELL):
+        return fitted
+    model = two_level_model(manual, bounds, fitted.hypotheses)
+    return model if manual.shows_cooling else _of_unknown_law(model)
+
+
+def _of_unknown_law(fitted: FittedModel) -> FittedModel:
+    """Return a fit of which nothing is identified."""
+    return replace(fitted, outcome=FitOutcome.LAW_UNKNOWN, combinations={}, ci95=dict.fromkeys(fitted.ci95))
 
 
 def _with_faster_swing(fitted: FittedModel, log: Log) -> FittedModel:
@@ -166,9 +179,8 @@ def _with_faster_swing(fitted: FittedModel, log: Log) -> FittedModel:
     message = (f"{log.name} goes up and down from row to row: its rows are too far apart to show how it is switched; "
                "log at a shorter interval, ten rows or more to a swing.")
     findings = tuple(each for each in fitted.findings if each.name not in ("not-regulated", "two-level"))
-    return replace(fitted, findings=(*findings, Finding(name="faster-than-log", message=message)),
-                   notes=(message, *fitted.notes), outcome=FitOutcome.LAW_UNKNOWN, combinations={},
-                   ci95=dict.fromkeys(fitted.ci95))
+    return _of_unknown_law(replace(fitted, findings=(*findings, Finding(name="faster-than-log", message=message)),
+                                   notes=(message, *fitted.notes)))
 
 
 def _swings_by_rows(log: Log) -> bool:

@@ -59,6 +59,7 @@ _CONTINUOUS: Final = 7  # unknowns of a continuous controller and its heater, ab
 _TRIGGERS: Final = 3.5  # standard deviations of the lowest of many readings
 _LEAST_ROWS: Final = 1.0  # of a stretch of power, and of one without: a shorter one shows only how much heat it is
 _BELOW: Final = 0.1  # of the span of the readings: the coldest one lies less below the temperature without power
+_COOLED: Final = 0.02  # of the span of the readings: the least fall that shows a heater without power
 _COLD: Final = 0.5  # of the rise above the temperature without power: a log that begins below shows that temperature
 
 
@@ -207,6 +208,15 @@ class TwoLevelFit:
         high, low = (float(np.median(best.temperature_degC(best.instants[k::2]))) for k in (first, first + 1))
         coldest = float(y.min()) + _TRIGGERS * self.noise_degC
         return coldest < low - (high - low) and coldest - best.ambient_degC <= _COLD * (low - best.ambient_degC)
+
+    @property
+    def shows_cooling(self) -> bool:
+        """Whether it cools without power for a part of the log, so that no controller can have reduced the power."""
+        best, time = self.best[0], self.log.time_s
+        y, stretch = best.temperature_degC(time), np.searchsorted(best.instants, time)
+        without_power = (y[stretch == k] for k in range(1 if best.problem.is_on else 0, len(best.instants) + 1, 2))
+        fall = sum(float(part.max() - part[-1]) for part in without_power if len(part))
+        return fall > max(_COOLED * float(np.ptp(self.log.temperature_degC)), _TRIGGERS * self.noise_degC)
 
     @property
     def delays_s(self) -> Array:

@@ -78,7 +78,7 @@ def _by_rest(solution: SwitchingSolution, fit: TwoLevelFit) -> _DeadTimes:
     """Return the dead times up to the rest at first, or of a log that may begin later up to the time constant [s]."""
     is_off = end_of_rest(fit.log) is not None and len(solution.instants) > 0 and not solution.problem.is_on
     rest_s = float(solution.instants[0] - solution.problem.time_s[0]) if is_off else 0.0
-    return _DeadTimes(0.0, rest_s if rest_s > 0.0 else math.exp(solution.lag))
+    return _DeadTimes(0.0, rest_s + fit.instant_margin_s if rest_s > 0.0 else math.exp(solution.lag))
 
 
 def _by_rows(solution: SwitchingSolution, fit: TwoLevelFit) -> _DeadTimes:
@@ -298,7 +298,9 @@ def _notes(fit: TwoLevelFit, dead: _DeadTimes, thresholds: Thresholds | None) ->
         when = ", ".join(f"{instant:.4g} s" for instant in best.instants) or "never"
         is_on = "on" if best.problem.is_on else "off"
         yield (f"The power was not logged; {log.name} was fitted as constant power that is {is_on} at first and was "
-               f"switched at {when}, dead time included. The log shows gain times power, not each of them.")
+               f"switched at {when}, dead time included. "
+               + ("The log shows gain times power, not each of them." if fit.shows_cooling else
+                  "It only heats: a controller that reduced its power would make the heater look quicker than it is."))
         yield (f"It does not show the dead time, which may be {dead.low:.3g} to {dead.high:.3g} s. {_FEW_FACTS}")
         return
     yield (f"The power was not logged; {log.name} is two-level control: {count} switchings between full power and none "
