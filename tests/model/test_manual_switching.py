@@ -71,3 +71,31 @@ def test_noise_of_a_fine_sensor_is_no_swing_of_a_few_rows(seed):
     assert not is_faster_than_rows(log(slow + chance.normal(0.0, 0.1, len(time))))
     for period in (2.1, 2.5, 3.3, 4.7):  # rows
         assert is_faster_than_rows(log(slow + np.sin(2.0 * np.pi * np.arange(len(time)) / period) + chance.normal(0.0, 0.05, len(time))))
+
+
+def _p_loop(gain, rows, *, every=5.0, seed=2):
+    """P control (60 % at most, no integral) of the heater to 60 °C, in Euler steps of one second."""
+    late, y, rng, readings = [0.0] * round(DEAD), ROOM, np.random.default_rng(seed), []
+    for _ in range(rows):
+        readings.append(round(y + rng.normal(0.0, 0.03), 2))
+        power = min(60.0, max(0.0, gain * (60.0 - readings[-1])))
+        for _ in range(round(every)):
+            late.append(power)
+            y += (ROOM + GAIN * late.pop(0) - y) / LAG
+    return Log(name="loop", source="", time_s=every * np.arange(rows), temperature_degC=np.array(readings))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("gain", "rows"), [(1.5, 60), (1.5, 200), (3.0, 120)])
+def test_a_p_controller_s_heat_up_is_not_taken_for_that_of_a_quicker_heater(gain, rows):
+    # its loop of first order has the time constant LAG/(1 + GAIN·gain): 179 and 109 s in place of 500 s
+    fitted = fit(_p_loop(gain, rows))
+    inside = fitted.ci95["time_constant_s"]
+    assert inside is None or inside.low <= LAG <= (np.inf if inside.high is None else inside.high)
+    assert fitted.outcome is not FitOutcome.IDENTIFIED
+
+
+@pytest.mark.parametrize("rows", [20, 42])
+def test_a_beginning_of_a_heat_up_is_refused_by_its_findings_alone(rows):
+    # no switching in it, and of 20 rows none is left for a hold-out: neither may end in a warning or an error
+    assert fit(_p_loop(50.0, rows)).outcome is FitOutcome.LAW_UNKNOWN

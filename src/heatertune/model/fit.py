@@ -152,7 +152,7 @@ def _switched_manually(fitted: FittedModel, log: Log, bounds: Bounds | None, lar
     if "not-regulated" not in found:
         return fitted
     manual = fit_manual_switching(log, ambient_degC=bounds, largest_power_pct=largest_power_pct)
-    if manual is None or not (manual.explains and manual.has_many_rows):
+    if manual is None:
         return fitted
     ratio = manual.rmse_degC / max(fitted.hypotheses[0].rmse_degC, 1e-9)
     if ratio > AS_WELL or ("unexplained-by-power" in found and ratio > 1.0 / AS_WELL):

@@ -6,6 +6,7 @@ messages about what such a log does not identify, and the joint candidates of se
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
@@ -146,9 +147,11 @@ def validation_notes(best: Fit, ranked: Sequence[Fit]) -> Iterable[str]:
     ends = " and ".join(f"{segment.log.time_s[-1]:g} s" for segment in early.segments)
     step = "; the setpoint step could not be foreseen" if any(s.event for s in hypothesis.segments) else ""
     verdict = "passes" if foretells(best) else "fails"
+    by_mean_degC = constant_rmse(hypothesis, early)
     yield (
+        "There are too few rows for a hold-out in time." if math.isnan(by_mean_degC) else
         f"The hold-out in time {verdict}: fitted up to {ends}, the model misses the later readings by "
-        f"{best.hold_out_rmse_degC:.2f} °C RMS, their own mean by {constant_rmse(hypothesis, early):.2f} °C{step}."
+        f"{best.hold_out_rmse_degC:.2f} °C RMS, their own mean by {by_mean_degC:.2f} °C{step}."
     )
     tried = [fit for fit in ranked if fit.cross_rmse_degC is not None]
     first = min(tried, key=lambda fit: fit.cross_rmse_degC or np.inf, default=best)

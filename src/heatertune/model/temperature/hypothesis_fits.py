@@ -201,9 +201,10 @@ def cross_rmse(hypothesis: Hypothesis, vector: Array) -> float:
 
 
 def _later(hypothesis: Hypothesis, early: Hypothesis, values: Array) -> list[Array]:
-    """Return each log's part of the values after its beginning."""
+    """Return each log's part of the values after its beginning, of the logs that have any."""
     early_lengths = [len(segment.log.time_s) for segment in early.segments]
-    return [part[n:] for part, n in zip(hypothesis.parts(values), early_lengths, strict=True)]
+    parts = zip(hypothesis.parts(values), early_lengths, strict=True)
+    return [part[n:] for part, n in parts if len(part) > n] or [np.full(1, np.nan)]
 
 
 def _rms(error: Array) -> float:

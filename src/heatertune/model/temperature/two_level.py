@@ -272,7 +272,7 @@ def fit_manual_switching(log: Log, *, ambient_degC: tuple[float, float] | None, 
     """Fit heater and instants to a log in which a constant power was switched on or off, without a controller.
 
     A turn shows where the power was switched, and the end of a rest at the beginning. With none of them the power is
-    taken to be on from the first reading on.
+    taken to be on from the first reading on. None where constant power does not explain the log.
     """
     guess = switching_guess(log, is_stated=True)
     instants, is_on = guess.instants, guess.is_on
@@ -282,7 +282,9 @@ def fit_manual_switching(log: Log, *, ambient_degC: tuple[float, float] | None, 
         if y[-1] < y[0]:
             return None
     fitted = _fit(log, instants, is_on, ambient_degC, levels=(0.0, largest_power_pct or 100.0))
-    return None if fitted is None else replace(fitted, is_manual=True, is_power_stated=largest_power_pct is not None)
+    if fitted is None or not (fitted.explains and fitted.has_many_rows):
+        return None
+    return replace(fitted, is_manual=True, is_power_stated=largest_power_pct is not None)
 
 
 def fit_logged_switchings(log: Log, dead_time_s: float, *, ambient_degC: tuple[float, float] | None
@@ -435,6 +437,8 @@ def _descend(
         free = [] if hold_lag else [_slope(now, 1e-4, 0.0)]
         free += [] if now.ratio == 0.0 or hold_ratio else [_slope(now, 0.0, 1e-4)]
         jacobian = np.column_stack([*free, pulses])
+        if jacobian.shape[1] == 0:  # no switching, the time constant held: nothing is free
+            return now
         jacobian -= orthogonal @ (orthogonal.T @ jacobian)
         square, gradient = jacobian.T @ jacobian, jacobian.T @ now.left
         scale = np.maximum(np.diag(square), 1e-9 * float(np.max(np.diag(square))) + 1e-300)

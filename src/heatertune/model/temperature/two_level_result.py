@@ -28,6 +28,10 @@ _FALLS_WITH_GAIN: Final = ("ambient_degC", "ultimate_gain_pct_per_degC")
 _LAW: Final = "two-level control"
 _MANUAL: Final = "constant power, switched manually"
 _LOGGED: Final = "power logged, switched between its rows"
+#: what a log without power shows where no controller made it: by whether it cools
+_SHOWS: Final = {
+    True: "The log shows gain times power, not each of them.",
+    False: "It only heats: a controller that reduced its power would make the heater look quicker than it is."}
 
 
 class _DeadTimes(NamedTuple):
@@ -298,9 +302,7 @@ def _notes(fit: TwoLevelFit, dead: _DeadTimes, thresholds: Thresholds | None) ->
         when = ", ".join(f"{instant:.4g} s" for instant in best.instants) or "never"
         is_on = "on" if best.problem.is_on else "off"
         yield (f"The power was not logged; {log.name} was fitted as constant power that is {is_on} at first and was "
-               f"switched at {when}, dead time included. "
-               + ("The log shows gain times power, not each of them." if fit.shows_cooling else
-                  "It only heats: a controller that reduced its power would make the heater look quicker than it is."))
+               f"switched at {when}, dead time included. {_SHOWS[fit.shows_cooling]}")
         yield (f"It does not show the dead time, which may be {dead.low:.3g} to {dead.high:.3g} s. {_FEW_FACTS}")
         return
     yield (f"The power was not logged; {log.name} is two-level control: {count} switchings between full power and none "
