@@ -5,6 +5,7 @@ import pytest
 from scipy.signal import lsim
 
 from heatertune.chain.stages import fit
+from heatertune.log import read_log
 from heatertune.log.log_values import Log
 from heatertune.model.model_values import FitOutcome
 from heatertune.model.temperature.evidence import is_faster_than_rows
@@ -99,3 +100,17 @@ def test_a_p_controller_s_heat_up_is_not_taken_for_that_of_a_quicker_heater(gain
 def test_a_beginning_of_a_heat_up_is_refused_by_its_findings_alone(rows):
     # no switching in it, and of 20 rows none is left for a hold-out: neither may end in a warning or an error
     assert fit(_p_loop(50.0, rows)).outcome is FitOutcome.LAW_UNKNOWN
+
+
+def test_a_file_with_each_change_of_the_power_gives_the_heater(tmp_path):
+    # what the finding not-regulated names; of steps with unknown levels nothing is identified without it
+    steps = ((0.0, 0.0), (300.0, 30.0), (2700.0, 60.0), (5200.0, 45.0), (7000.0, 0.0))
+    log = _log(steps, until=10000.0)
+    rows = [f"{t:g},{y:g}" for t, y in zip(log.time_s, log.temperature_degC, strict=True)]
+    (tmp_path / "t.csv").write_text("\n".join(["time_s,temperature_degC", *rows, ""]), encoding="utf-8")
+    (tmp_path / "p.csv").write_text("\n".join(["time_s,power_pct", *(f"{at:g},{u:g}" for at, u in steps), ""]), encoding="utf-8")
+    fitted = fit(read_log(tmp_path / "t.csv", power_log=str(tmp_path / "p.csv")))
+    assert fitted.outcome is FitOutcome.IDENTIFIED
+    for name, value in {"gain_degC_per_pct": GAIN, "time_constant_s": LAG, "dead_time_s": DEAD}.items():
+        assert fitted.ci95[name].low - 0.005 * value <= value <= fitted.ci95[name].high + 0.005 * value
+    assert not any(finding.name == "halves-disagree" for finding in fitted.findings)  # they differ by 0.1 % of the gain

@@ -60,8 +60,8 @@ KINDS: Final[dict[str, FindingKind]] = {
         "blocks", "the shape of the curve contradicts every model", "log the power, or one open-loop step"),
     "not-regulated": FindingKind(
         "blocks", "the log looks like an open-loop heat-up whose power was not logged",
-        "add the power as a column: full power in % while the heater was on, else 0; or state at which temperature it "
-        "was switched off (--thermostat ROOM OFF)"),
+        "add the power as a column, or write each change of it into a file with the columns time_s,power_pct and give "
+        "that as --power-log; or state at which temperature it was switched off (--thermostat ROOM OFF)"),
     "two-level": FindingKind(
         "blocks", "the log looks like two-level control whose power was not logged",
         "state that it switches full power (--thermostat LOW HIGH), or add the power as a column: full power in % "

@@ -39,6 +39,7 @@ Rows = npt.NDArray[np.bool_]
 _WINDOWS = 6  # the first stays in every fit because it defines the initial state
 _BEGUN = 5  # readings of a later segment
 _AS_WELL = 5.0  # fit [%] that may be lost
+_FELT = 0.02  # of a parameter, between the halves of a log: what is smaller moves no criterion of the loop
 _FEWEST = 20  # readings of a half
 _CROSS_VALIDATION_READINGS = 250  # averaged, of a half
 _LESS = 0.999  # of the squares: a search with one unknown less ended lower, so the other one went astray
@@ -251,7 +252,8 @@ def judgement_remarks(
         ))
     if validation.halves is not None:
         apart = [name for name in disagreeing_parameters(validation.halves)
-                 if all(identified_parts(half.ci95[name]) for half in validation.halves)]
+                 if all(identified_parts(half.ci95[name]) for half in validation.halves)
+                 and _are_apart(*(half.values[name] for half in validation.halves))]
         differing = [f"{NOMENCLATURE[name][1]} {_pair(*(half.values[name] for half in validation.halves))} "
                      f"{NOMENCLATURE[name][2]}" for name in apart]
         if differing:
@@ -259,6 +261,11 @@ def judgement_remarks(
                 f"The two halves of the log give different heaters, beyond their intervals: {', '.join(differing)}; "
                 "the heater is not linear, or something else moved the temperature."
             ))
+
+
+def _are_apart(first: float, second: float) -> bool:
+    """Return whether they differ so much that the loop feels it; intervals are widened for less."""
+    return abs(first - second) > _FELT * max(abs(first), abs(second))
 
 
 def _pair(first: float, second: float) -> str:

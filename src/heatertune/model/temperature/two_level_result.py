@@ -235,8 +235,8 @@ def _remarks(fit: TwoLevelFit, note: str, thresholds: Thresholds | None, is_assu
 
 #: what is missing of a log without power that no controller made
 _FEW_FACTS: Final = (
-    "A column with the power (in % while the heater was on, else 0) gives gain and dead time; or --largest-power, and "
-    "--thermostat with the temperatures of the room and of the switching off.")
+    "A column with the power gives gain and dead time, or a file with each change of it (columns time_s,power_pct) as "
+    "--power-log; or --largest-power, and --thermostat with the temperatures of the room and of the switching off.")
 
 
 def _is_assumed(fit: TwoLevelFit, ambient_degC: tuple[float, float] | None) -> bool:
