@@ -573,6 +573,7 @@ def _demand_excitation(log: Log, ambient_degC: float | None) -> None:
     power = log.signals["power"].values
     if float(np.ptp(power)) == 0.0 and ambient_degC is None:
         raise InputError(
-            f"{log.name}: {FitOutcome.NO_POWER_CHANGE.value} The power is {power[0]:g} % throughout; "
-            "or give one temperature as --ambient, that of the heater without power"
+            f"{log.name}: {FitOutcome.NO_POWER_CHANGE.value} The power is {power[0]:g} % throughout; or give the "
+            "temperature of the heater without power as --ambient, the first reading if it was at rest and cold there: "
+            f"--ambient {log.temperature_degC[0]:.4g}"
         )

@@ -282,7 +282,7 @@ def _power_before(log: Log, problem: PowerProblem) -> list[str]:
     if problem.at_rest and first != problem.power_before:
         notes.append(
             f"The log begins with {first:g} % power already on; it was taken as {problem.power_before:g} %, and the "
-            "heater at rest, before, which explains it better than any other start; --power-before would settle it."
+            "heater at rest, before, which explains it better than any other start; --power-before states another."
         )
     elif problem.at_rest:
         pass  # the readings before the first step show it
@@ -293,8 +293,8 @@ def _power_before(log: Log, problem: PowerProblem) -> list[str]:
         )
     elif first > 0.0 and problem.power_before_pct == 0.0:
         notes.append(
-            f"The log begins with {first:g} % power already on; it was taken as 0 % before, which --power-before "
-            "would settle, and no steady start was assumed, which can more than double the gain."
+            f"The log begins with {first:g} % power already on; it was taken as 0 % before (--power-before states "
+            "another), and no steady start was assumed, which can more than double the gain."
         )
     return notes
 

@@ -12,7 +12,7 @@ from typing import Final
 
 from heatertune.errors import HeatertuneError, NotRepresentable
 from heatertune.model.findings import KINDS
-from heatertune.model.model_values import FittedModel
+from heatertune.model.model_values import FitOutcome, FittedModel, model_by_hand
 from heatertune.model.reduction import cools
 from heatertune.plc import controller_for
 from heatertune.plc.targets import REPAIRED
@@ -48,6 +48,8 @@ _LOWER: Final = (0.95, 0.9, 0.8)
 #: of the range of use, down from its upper end, of smaller ones that may be suggested
 _OF_RANGE: Final = (0.5, 0.25)
 _SSR: Final = "ssr"
+_BY_LOG: Final = ("each end of what the log leaves open has a design of its own that passes: log until the temperature is "
+                  "steady (heatertune plan), and design again")
 _HOPELESS: Final = 1.2  # of the band: no open point is what it fails for
 
 
@@ -308,9 +310,25 @@ class Suggestion:
 
     def _hopeless(self, *, whole: bool) -> str:
         """Return what is told where nothing that may be suggested passes; `whole`: the search went to its end."""
+        nothing = f"{NOTHING_PASSES} passes" + (", nor does any limit of up to twice its default" if whole else "")
+        with SearchBudget():
+            if self._ends_pass():
+                return f"{nothing}; {_BY_LOG}"
         help_ = physical_help(self.first.proof.broken_criteria)
-        return f"{NOTHING_PASSES} passes" + (", nor does any limit of up to twice its default" if whole else "") + (
-            f"; changes to the heater would help: {help_}" if help_ else "")
+        return nothing + (f"; changes to the heater would help: {help_}" if help_ else "")
+
+    def _ends_pass(self) -> bool:
+        """Return whether each end of the gain that the log leaves open has a design of its own that passes."""
+        heaters = [plant for plant in self.fitted_model.plants if plant.gain_degC_per_pct > 0.0]
+        if self.fitted_model.outcome is not FitOutcome.COMBINATIONS_ONLY or len(heaters) < 2:
+            return False
+        ends = {end(heaters, key=lambda plant: plant.gain_degC_per_pct) for end in (min, max)}
+        self.progress(f"{broken(self.first)} fails: trying each end of the heater's interval alone")
+        try:
+            return all(self._passes(self.close(model_by_hand(heater), self.request, progress=self.progress).proof)
+                       for heater in ends)
+        except HeatertuneError:  # an end that cannot be held at the setpoint
+            return False
 
     def _by_design(self, *, wound_up: bool = False) -> tuple[str, ...]:
         """Return the options that leave open what the user gave of the design; none where that does not pass.
