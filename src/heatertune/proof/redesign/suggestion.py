@@ -48,8 +48,8 @@ _LOWER: Final = (0.95, 0.9, 0.8)
 #: of the range of use, down from its upper end, of smaller ones that may be suggested
 _OF_RANGE: Final = (0.5, 0.25)
 _SSR: Final = "ssr"
-_BY_LOG: Final = ("each end of what the log leaves open has a design of its own that passes: log until the temperature is "
-                  "steady (heatertune plan), and design again")
+_BY_LOG: Final = ("each end of what the log leaves open has a design of its own that passes: log until the temperature "
+                  "is steady (heatertune plan), and design again")
 _HOPELESS: Final = 1.2  # of the band: no open point is what it fails for
 
 
@@ -323,9 +323,11 @@ class Suggestion:
         if self.fitted_model.outcome is not FitOutcome.COMBINATIONS_ONLY or len(heaters) < 2:
             return False
         ends = {end(heaters, key=lambda plant: plant.gain_degC_per_pct) for end in (min, max)}
+        setpoint_degC = self.request.conditions.setpoint_degC or self.first.proof.scenario.setpoint_degC
+        request = replace(self.request, conditions=replace(self.request.conditions, setpoint_degC=setpoint_degC))
         self.progress(f"{broken(self.first)} fails: trying each end of the heater's interval alone")
         try:
-            return all(self._passes(self.close(model_by_hand(heater), self.request, progress=self.progress).proof)
+            return all(self._passes(self.close(model_by_hand(heater), request, progress=self.progress).proof)
                        for heater in ends)
         except HeatertuneError:  # an end that cannot be held at the setpoint
             return False
