@@ -140,11 +140,11 @@ class CommandParser(argparse.ArgumentParser):
 
     def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Return the options; "--option=--" has no value, argparse makes a list of it."""
-        given = current_options(sys.argv[1:] if args is None else args)
-        for argument in given:
+        arguments = current_options(sys.argv[1:] if args is None else args)
+        for argument in arguments:
             if argument.startswith("-") and argument.endswith("=--"):
                 self.error(f"argument {argument.removesuffix('=--')}: expected a value, got '--'")
-        return super().parse_args([FULL if each == "--json=full" else each for each in given], namespace)
+        return super().parse_args([FULL if each == "--json=full" else each for each in arguments], namespace)
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Return the options of a command; one that it does not have is named before any that is missing."""
@@ -162,8 +162,8 @@ class CommandParser(argparse.ArgumentParser):
         Raises:
             InputError: always.
         """
-        named = re.findall(r"--[a-z][a-z-]*", message)
-        layer = "--help-all" if self._first and not {*named} <= {*self._first} else "--help"
+        flags = re.findall(r"--[a-z][a-z-]*", message)
+        layer = "--help-all" if self._first and not {*flags} <= {*self._first} else "--help"
         if message.startswith("unrecognized arguments") and " -" not in message:
             message += "; write a list as one word, --zones a,b, and quote what has spaces"
         raise InputError(f"{message} (see: {self.prog} {layer})")
@@ -249,17 +249,17 @@ def again(arguments: Sequence[str], options: Sequence[str]) -> tuple[str, ...]:
 
 def _without(arguments: Sequence[str], flag: str, name: str) -> tuple[str, ...]:
     """Return a command without a flag and its value; where there is a name, only where the value is of that name."""
-    kept, rest = list[str](), list(arguments)
-    while rest:
-        word = rest.pop(0)
-        value = word.removeprefix(f"{flag}=") if word.startswith(f"{flag}=") else rest[0] if word == flag else None
+    words, queue = list[str](), list(arguments)
+    while queue:
+        word = queue.pop(0)
+        value = word.removeprefix(f"{flag}=") if word.startswith(f"{flag}=") else queue[0] if word == flag else None
         if value is None or (name and value.partition("=")[0].strip() != name):
-            kept.append(word)
+            words.append(word)
         elif word == flag:
-            rest.pop(0)
-            while flag in _OF_SEVERAL and rest and _is_number(rest[0]):
-                rest.pop(0)
-    return tuple(kept)
+            queue.pop(0)
+            while flag in _OF_SEVERAL and queue and _is_number(queue[0]):
+                queue.pop(0)
+    return tuple(words)
 
 
 def _is_number(word: str) -> bool:
@@ -351,12 +351,12 @@ def conditions(settings: argparse.Namespace) -> Conditions:
     from heatertune.proof.specification import specification_of
     from heatertune.proof.verdict import FitDiagnostics
 
-    given = options.of(Conditions, settings)
-    specification_of(given)
-    FitDiagnostics(accepted=given.accept)
-    if getattr(settings, "target", None) is not None and given.switches:
-        settings_of(plc.controller_for(target(settings)).switches, given.switches)
-    return given
+    proof_conditions = options.of(Conditions, settings)
+    specification_of(proof_conditions)
+    FitDiagnostics(accepted=proof_conditions.accept)
+    if getattr(settings, "target", None) is not None and proof_conditions.switches:
+        settings_of(plc.controller_for(target(settings)).switches, proof_conditions.switches)
+    return proof_conditions
 
 
 def reading(settings: argparse.Namespace) -> ReadSettings:
@@ -468,10 +468,10 @@ def words_of_machine(settings: argparse.Namespace, path: str) -> Machine:
 
 def wants_proof(settings: argparse.Namespace) -> bool:
     """Return whether an option asks for a proof of its own: a heater by hand, another condition, a ramp, no boost."""
-    heard = {"accept"}  # an export hears these without another proof
-    other = options.provided_options(Conditions, settings).keys() - heard
+    export_options = {"accept"}  # an export takes these without another proof
+    proof_options = options.provided_options(Conditions, settings).keys() - export_options
     by = options.of(WordSettings, settings)
-    return bool(other) or by.setpoint_ramp is not None or by.boost == "none" or by.refined or by_hand(settings)
+    return bool(proof_options) or by.setpoint_ramp is not None or by.boost == "none" or by.refined or by_hand(settings)
 
 
 def by_hand(settings: argparse.Namespace) -> bool:

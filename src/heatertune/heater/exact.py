@@ -108,8 +108,8 @@ def advance(y: Array, x: Array, target: Array, t: Array, outer: Numbers, inner: 
         outer: lag [s].
         inner: lag, 0 if there is one alone [s].
     """
-    kept = target + np.exp(-t / outer) * (y - target)
-    return np.asarray(kept + _passed(t, outer, inner) / outer * (x - target) if np.any(inner) else kept)
+    one_lag = target + np.exp(-t / outer) * (y - target)
+    return np.asarray(one_lag + _passed(t, outer, inner) / outer * (x - target) if np.any(inner) else one_lag)
 
 
 def area(y: Array, x: Array, target: Array, t: Array, outer: Numbers, inner: Numbers) -> Array:
@@ -125,8 +125,8 @@ def area(y: Array, x: Array, target: Array, t: Array, outer: Numbers, inner: Num
         outer: lag [s].
         inner: lag, 0 if there is one alone [s].
     """
-    kept = target * t - outer * np.expm1(-t / outer) * (y - target)
-    return np.asarray(kept + inner * since_step(t, outer, inner)[0] * (x - target) if np.any(inner) else kept)
+    one_lag = target * t - outer * np.expm1(-t / outer) * (y - target)
+    return np.asarray(one_lag + inner * since_step(t, outer, inner)[0] * (x - target) if np.any(inner) else one_lag)
 
 
 def turning_times(y: Array, x: Array, target: Array, outer: Numbers, inner: Numbers) -> Array:

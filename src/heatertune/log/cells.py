@@ -86,13 +86,13 @@ def take_header(lines: Lines, rows: Grid, repairs: list[str]) -> tuple[tuple[str
     above = int(lines[titles - 1]) if titles else 0
     if titles:
         repairs.append(f"{count(titles, 'title line')} above the table skipped (up to line {above}).")
-    kept = np.arange(len(rows)) >= begin
+    below = np.arange(len(rows)) >= begin
     heads = [] if chosen is None else [list(names), *(rows[k] for k in words if k >= chosen)]
     again = sorted({k for head in heads for k in rows.find(head) if k >= begin})  # as written when a logger restarts
     if again:
         repairs.append(f"{count(len(again), 'repeat')} of the header skipped (line {lines[again[0]]}).")
-        kept[again] = False
-    return names, above, kept
+        below[again] = False
+    return names, above, below
 
 
 def _has_row_names(rows: Grid) -> bool:
@@ -138,9 +138,9 @@ def _names_row(rows: Grid, words: Sequence[int]) -> int | None:
     """Return which row of words names the columns: the one with the most roles, the last of equals."""
     if not words:
         return None
-    named = [k for k in words if not _is_units(rows[k]) and sum(map(bool, rows[k])) >= len(rows[k]) * _LEAST_NAMED]
-    named = named or list(words[:1])
-    return max(named, key=lambda k: (len({role_of(cell) for cell in rows[k]} - {None}), k))
+    candidates = [k for k in words if not _is_units(rows[k]) and sum(map(bool, rows[k])) >= len(rows[k]) * _LEAST_NAMED]
+    candidates = candidates or list(words[:1])
+    return max(candidates, key=lambda k: (len({role_of(cell) for cell in rows[k]} - {None}), k))
 
 
 def _is_units(row: Sequence[str]) -> bool:
@@ -219,8 +219,8 @@ _PERIOD: Final = re.compile(re.escape(SWITCHED) + r"(\d+(?:\.\d+)?(?:e-?\d+)?) s
 
 def pwm_period_of(text: str) -> float:
     """Return the PWM period in the first line, 0 if there is none [s]."""
-    told = _PERIOD.search(text.split("\n", 1)[0])
-    return float(told[1]) if told else 0.0
+    match = _PERIOD.search(text.split("\n", 1)[0])
+    return float(match[1]) if match else 0.0
 
 
 def without_torn(text: str, repairs: list[str]) -> str:
@@ -295,25 +295,25 @@ def read_sheet(path: Path, content: bytes | None = None, skip_rows: int = 0, tag
     kind = next((kind for kind in TEXT_FORMATS if kind.recognises(numbered)), None)
     if kind is not None:
         return _sheet_of(path, kind.read(path, numbered, tag), repairs, damaged, skip_empty=skip_empty)
-    kept = numbered
+    lines = numbered
     if any(mark in text for mark in ("#", "=", "---", "───")):
-        kept = numbered.where(lambda line: not line.lstrip().startswith("#") and not _SEPARATOR_LINE.fullmatch(line)
-                              and not _FRAME_LINE.fullmatch(line))
-    if not kept:
+        lines = numbered.where(lambda line: not line.lstrip().startswith("#") and not _SEPARATOR_LINE.fullmatch(line)
+                               and not _FRAME_LINE.fullmatch(line))
+    if not lines:
         raise LogError("the file is empty", file=path, expected="rows of time and temperature")
-    if passed := passed + len(numbered) - len(kept):
+    if passed := passed + len(numbered) - len(lines):
         repairs.append(f"{count(passed, 'line')} without readings (blank, comment) skipped.")
-    kept, cut = _with_closed_quotes(path, kept, repairs)
+    lines, cut = _with_closed_quotes(path, lines, repairs)
     comments = [pair for pair in numbered[:_MOST_TITLES] if pair[1].lstrip().startswith("#")]
     del numbered, data  # a long log is held as few times as can be
-    separator = _separator(kept.texts[-_SAMPLE:])
-    grid = _split(path, kept, separator)
+    separator = _separator(lines.texts[-_SAMPLE:])
+    grid = _split(path, lines, separator)
     _without_empty_ends(grid, repairs)
     grid.change(usual_form, FORM_MARKS)
     if separator == ",":
         grid = _join_groups(grid, repairs)
         join_decimals(path, grid, decimal_comma, repairs)
-    sheet = _sheet_of_grid(path, grid, np.array(kept.numbers), repairs, damaged + cut, skip_empty=skip_empty)
+    sheet = _sheet_of_grid(path, grid, np.array(lines.numbers), repairs, damaged + cut, skip_empty=skip_empty)
     above = [text for line, text in comments if len(sheet) and line < sheet.lines[0]]
     comment = () if sheet.header else _comment_above(above, separator, len(sheet.columns))
     return replace(sheet, comment=comment, pwm_period_s=period_s, recorded=recorded)
@@ -338,9 +338,9 @@ def heaters_in(path: Path, content: bytes | None = None) -> list[str]:
 def _sheet_of_grid(path: Path, grid: Grid, lines: Lines, repairs: list[str], lost: int, *, skip_empty: bool) -> Sheet:
     """Return the sheet of a table, which is searched for its header."""
     header, above, below = take_header(lines, grid, repairs)
-    kept = _without_partial_rows(path, lines, grid, below, repairs, skip_empty=skip_empty)
-    return Sheet(file=str(path), header=header, comment=(), columns=grid.at_rows(kept), lines=lines[kept],
-                 repairs=tuple(repairs), above=above, lost=lost + int(np.count_nonzero(below & ~kept)))
+    row_mask = _without_partial_rows(path, lines, grid, below, repairs, skip_empty=skip_empty)
+    return Sheet(file=str(path), header=header, comment=(), columns=grid.at_rows(row_mask), lines=lines[row_mask],
+                 repairs=tuple(repairs), above=above, lost=lost + int(np.count_nonzero(below & ~row_mask)))
 
 
 def _sheet_of(path: Path, table: FormatTable, repairs: list[str], lost: int, skip_rows: int = 0, *,
@@ -354,10 +354,10 @@ def _sheet_of(path: Path, table: FormatTable, repairs: list[str], lost: int, ski
         raise LogError("the file is empty", file=path, expected="rows of time and temperature")
     grid = _grid_of(rows, len(header))
     if header:
-        kept = _without_partial_rows(path, lines, grid, np.ones(len(grid), dtype=np.bool_), repairs,
-                                     skip_empty=skip_empty)
-        sheet = Sheet(file=str(path), header=header, comment=(), columns=grid.at_rows(kept), lines=lines[kept],
-                      repairs=tuple(repairs), lost=lost + int(np.count_nonzero(~kept)))
+        row_mask = _without_partial_rows(path, lines, grid, np.ones(len(grid), dtype=np.bool_), repairs,
+                                         skip_empty=skip_empty)
+        sheet = Sheet(file=str(path), header=header, comment=(), columns=grid.at_rows(row_mask), lines=lines[row_mask],
+                      repairs=tuple(repairs), lost=lost + int(np.count_nonzero(~row_mask)))
     else:
         _without_empty_ends(grid, repairs)
         sheet = _sheet_of_grid(path, grid, lines, repairs, lost, skip_empty=skip_empty)
@@ -413,11 +413,11 @@ def _written_lines(text: str, skip_rows: int) -> tuple[NumberedLines, int, int]:
     lines = NumberedLines(numbers, TextParts(text, begins[has_text], ends[has_text]))
     blank = len(ends) - len(lines)
     written = lines.where(lambda line: _CONTROL.search(line) is None) if _is_damaged(text) else lines
-    kept = written.where(lambda line: line.strip(" \t,;") != "")
+    content = written.where(lambda line: line.strip(" \t,;") != "")
     if "#" in text:
-        is_comment = np.fromiter((line.startswith("#") for line in kept.texts), dtype=np.bool_, count=len(kept))
-        kept = kept.at_rows(~(is_comment & np.append(is_comment[1:], False)))
-    return kept, len(written) - len(kept) + blank, len(lines) - len(written)
+        is_comment = np.fromiter((line.startswith("#") for line in content.texts), dtype=np.bool_, count=len(content))
+        content = content.at_rows(~(is_comment & np.append(is_comment[1:], False)))
+    return content, len(written) - len(content) + blank, len(lines) - len(written)
 
 
 def _is_damaged(text: str) -> bool:

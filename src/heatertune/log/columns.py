@@ -168,16 +168,16 @@ def choose_column(sheet: Sheet, role: str, column: str | int) -> int:
 
 
 def _by_name(sheet: Sheet, index: dict[str, int], absent: set[str], notes: list[str]) -> None:
-    taken = set(index.values())
+    picks = set(index.values())
     by_role: dict[str, list[int]] = {role: [] for role in ROLES if role not in absent}
     roles = list(map(role_of, sheet.header))
     for i, role in enumerate(roles):
-        if role in by_role and i not in taken and not _is_text(sheet, role, i, several=roles.count(role) > 1):
+        if role in by_role and i not in picks and not _is_text(sheet, role, i, several=roles.count(role) > 1):
             by_role[role].append(i)
-    if not by_role.get("time", True) and "time" not in index and (clock := _clock_by_content(sheet, taken)) is not None:
+    if not by_role.get("time", True) and "time" not in index and (clock := _clock_by_content(sheet, picks)) is not None:
         by_role["time"] = [clock]
     if not by_role.get("temperature", True) and "temperature" not in index:
-        degrees = [i for i, name in enumerate(sheet.header) if i not in taken and is_in_celsius(name)]
+        degrees = [i for i, name in enumerate(sheet.header) if i not in picks and is_in_celsius(name)]
         by_role["temperature"] = degrees if len(degrees) == 1 else []
     by_role.get("temperature", []).extend(_heated(sheet, by_role, index) or _input_of_sketch(sheet, by_role))
     for role, candidates in by_role.items():

@@ -283,7 +283,7 @@ def _placed(sheet: Sheet, settings: ReadSettings) -> tuple[TagTable, Sheet, Colu
         _demand_no_sides(sheet, column_names, tagged.unused)
     sheet = plain_cells(tagged.sheet, settings.decimal_comma) if tagged.is_long else tagged.sheet
     columns = find_columns(
-        sheet, tagged.wanted or column_names, counted=settings.sample_time_s is not None, stated=stated_units(settings))
+        sheet, tagged.index or column_names, counted=settings.sample_time_s is not None, stated=stated_units(settings))
     demand_one_form(sheet, columns, settings.decimal_comma)
     sheet = rows_of_one_heater(sheet, columns, settings, is_long=tagged.is_long)
     sheet, columns = with_clock_parts(*with_dates(sheet, columns, None if tagged.is_long else settings.date_column))

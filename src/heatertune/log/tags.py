@@ -185,7 +185,7 @@ class TagTable:
         lost: number of omitted rows: bad quality, or before the first power.
         unused: tags that were not used.
         options: option of `read_log` → value that reproduces this reading.
-        wanted: role → number of its column for a long table, otherwise empty.
+        index: role → number of its column for a long table, otherwise empty.
         lost_s: instants of lost readings of the temperature, counted from the first row, ascending [s].
     """
 
@@ -193,13 +193,13 @@ class TagTable:
     lost: int = 0
     unused: tuple[str, ...] = ()
     options: Mapping[str, str] = field(default_factory=dict)
-    wanted: Mapping[str, str | int] = field(default_factory=dict)
+    index: Mapping[str, str | int] = field(default_factory=dict)
     lost_s: tuple[float, ...] = ()
 
     @property
     def is_long(self) -> bool:
         """Whether the file was a long table."""
-        return bool(self.wanted)
+        return bool(self.index)
 
 
 def by_tags(sheet: Sheet, selection: TagSelection, time_unit: str | None) -> TagTable:
@@ -361,7 +361,7 @@ def _pivoted(sheet: Sheet, selection: TagSelection, tag: int, value: int, good: 
         options={**options, "tag": roles["temperature"], "power_tag": roles.get("power", NO_COLUMN),
                  "setpoint_tag": roles.get("setpoint", NO_COLUMN), "tag_column": _name(sheet, tag),
                  "temperature_column": _name(sheet, value), "time_column": sheet.header[clock[0]]},
-        wanted={role: NO_COLUMN if role in absent else n + 1 for n, role in enumerate(["time", *series, *absent])},
+        index={role: NO_COLUMN if role in absent else n + 1 for n, role in enumerate(["time", *series, *absent])},
         lost_s=tuple(time[of_tag.where(roles["temperature"].__eq__) & ~good] - time[rows[late]]))
 
 

@@ -148,14 +148,14 @@ def _switched_manually(fitted: FittedModel, log: Log, bounds: Bounds | None, lar
     A controller that reduces its power on the way looks like a constant power and a quicker heater: nothing is
     identified where the log only heats, or where the initial state moves it more than the power of a controller does.
     """
-    found = {finding.name for finding in fitted.findings}
-    if "not-regulated" not in found:
+    finding_names = {finding.name for finding in fitted.findings}
+    if "not-regulated" not in finding_names:
         return fitted
     manual = fit_manual_switching(log, ambient_degC=bounds, largest_power_pct=largest_power_pct)
     if manual is None:
         return fitted
     ratio = manual.rmse_degC / max(fitted.hypotheses[0].rmse_degC, 1e-9)
-    if ratio > AS_WELL or ("unexplained-by-power" in found and ratio > 1.0 / AS_WELL):
+    if ratio > AS_WELL or ("unexplained-by-power" in finding_names and ratio > 1.0 / AS_WELL):
         return fitted
     model = two_level_model(manual, bounds, fitted.hypotheses)
     return model if manual.shows_cooling else _of_unknown_law(model)

@@ -257,29 +257,29 @@ def oscillation(  # noqa: PLR0915 - one loop
     for i in range(_MOST_STEPS):
         following = oldest + 1 if oldest < whole else 0
         left = load + (queue[0, oldest] if whole > 0 else u)  # `oldest` acts from now
-        kept, held = af * filtered + of * e, 0.0
+        filter_out, lack_gain = af * filtered + of * e, 0.0
         free = a1 * x1 * s1 + a2 * x2 * s2 + old * left
-        rest = gain * ((summed + 0.5 * h * e) / tn - past * kept)
+        free_output = gain * ((summed + 0.5 * h * e) / tn - past * filter_out)
         if whole > 0:
             share = 0.0
             right = load + (queue[0, following] if i >= whole else 0.0)  # before it acts, a step in power is not there
             lack = queue[1, following]  # a short TV acts within one step
         else:
             share = 1.0 - late
-            right = load + late * u + share * rest
-            lack = (half + ratio) * kept + (half - ratio) * filtered - half * e
-            held = (half + ratio) * nf - half
+            right = load + late * u + share * free_output
+            lack = (half + ratio) * filter_out + (half - ratio) * filtered - half * e
+            lack_gain = (half + ratio) * nf - half
         before, e = e, setpoint - free - new * right - (old + new) * lack
         if whole == 0:  # else the power of this step acts later
-            e /= 1.0 + share * direct * new + (old + new) * held
-        right += share * direct * e + lack + held * e
-        left += lack + held * e
+            e /= 1.0 + share * direct * new + (old + new) * lack_gain
+        right += share * direct * e + lack + lack_gain * e
+        left += lack + lack_gain * e
         x1, x2 = a1 * x1 + o1 * left + n1 * right, a2 * x2 + o2 * left + n2 * right
         summed += 0.5 * h * (before + e)
-        kept += nf * e
-        queue[1, oldest] = (half + ratio) * kept + (half - ratio) * filtered - half * (before + e)
-        filtered = kept
-        u = rest + direct * e
+        filter_out += nf * e
+        queue[1, oldest] = (half + ratio) * filter_out + (half - ratio) * filtered - half * (before + e)
+        filtered = filter_out
+        u = free_output + direct * e
         queue[0, oldest] = u
         oldest = following
         v, w = -sign * before, -sign * e

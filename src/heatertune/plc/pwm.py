@@ -247,14 +247,14 @@ def on_time(power_pct: float, carried_s: float, pwm: tuple[float, float, float, 
         pwm: `Actuator.numbers`.
     """
     period, resolution, minimum_on, minimum_off, carries = pwm
-    wanted = power_pct / 100.0 * period + carried_s
-    on = resolution * math.floor(wanted / resolution + 0.5 + INSTANT_S)
+    demand_s = power_pct / 100.0 * period + carried_s
+    on = resolution * math.floor(demand_s / resolution + 0.5 + INSTANT_S)
     # neither the pulse wanted nor the rounded one may be too short; nor may its pause
-    if min(wanted, on) < minimum_on - INSTANT_S or on < INSTANT_S:
+    if min(demand_s, on) < minimum_on - INSTANT_S or on < INSTANT_S:
         on = 0.0
-    elif max(wanted, on) > period - minimum_off + INSTANT_S or on > period - INSTANT_S:
+    elif max(demand_s, on) > period - minimum_off + INSTANT_S or on > period - INSTANT_S:
         on = period
-    return on, wanted - on if carries else 0.0
+    return on, demand_s - on if carries else 0.0
 
 
 def pulse_ends(actuator: Actuator, power_pct: Callable[[int], float], full: int) -> tuple[int, int]:

@@ -147,18 +147,18 @@ def observe(
     time = time_s - time_s[0]
     error = (temperature_degC - setpoint_degC) * math.copysign(1.0, step)  # negative: short of the setpoint
     size, end = abs(step), float(time[-1])
-    rest = error[time >= (1.0 - _REST) * end]
+    final_error = error[time >= (1.0 - _REST) * end]
     first = first_within(error, max(tolerance_degC, _BAND_PCT / 100.0 * size))
     swings = _swings(error, max(tolerance_degC, _WIDE_PCT / 100.0 * size))
-    seen = Response(
+    response = Response(
         symptom=Symptom.NONE, setpoint_degC=setpoint_degC, step_degC=step,
         overshoot_pct=100.0 * max(0.0, float(error.max())) / size,
         settled_s=math.inf if first == len(time) else float(time[first]),
         expected_s=end / 2.0 if expected_s is None else expected_s,
-        distance_degC=0.0 - float(rest.mean()), swing_degC=float(np.ptp(rest)) / 2.0, swings=len(swings),
+        distance_degC=0.0 - float(final_error.mean()), swing_degC=float(np.ptp(final_error)) / 2.0, swings=len(swings),
         decay=float((swings[-1] / swings[0]) ** (1.0 / (len(swings) - 1))) if len(swings) > 1 else None,
     )
-    return replace(seen, symptom=_symptom(seen, tolerance_degC))
+    return replace(response, symptom=_symptom(response, tolerance_degC))
 
 
 def _symptom(response: Response, tolerance_degC: float) -> Symptom:
@@ -216,26 +216,26 @@ def advise(
         OutOfRange: no step to judge; as the proof.
         NotRepresentable: the design itself does not fit the target.
     """
-    seen_log = None if log is None else _part(log, until_s)
+    log_part = None if log is None else _part(log, until_s)
     assumed = recipe.conditions
-    if assumed.highest_degC is None and seen_log is not None:
-        assumed = replace(assumed, setpoint_degC=_setpoint(seen_log))
+    if assumed.highest_degC is None and log_part is not None:
+        assumed = replace(assumed, setpoint_degC=_setpoint(log_part))
     proven = partial(_proven, fitted, replace(recipe, conditions=assumed))
     progress("proving the design as it is")
     before = proven(design)
     expected = max(m.dead_time_s + _LAGS * sum(m.lags_s) for _, m in labelled_heaters(fitted))
-    seen = _observed(seen_log, before, assumed, expected)
-    gains, aim = _gains(design), _AIM[seen.symptom]
+    response = _observed(log_part, before, assumed, expected)
+    gains, aim = _gains(design), _AIM[response.symptom]
     cases = [_case("as it is", gains, before)]
-    for label, changes in _steps(seen.symptom):
+    for label, changes in _steps(response.symptom):
         progress(f"proving {label}")
         after = apply_changes(gains, changes)
         cases.append(_tried(label, gains, after, design, proven))
         cases[-1]["effect"] = _effect(cases[0], cases[-1], aim)
     return {
         "schema": SCHEMA, "target": recipe.target, "log": None if log is None else log.name,
-        "symptom": seen.symptom.name, "symptom_text": seen.symptom.value,
-        "response": {name: value for name, value in asdict(seen).items() if name != "symptom"}, "aim": aim,
+        "symptom": response.symptom.name, "symptom_text": response.symptom.value,
+        "response": {name: value for name, value in asdict(response).items() if name != "symptom"}, "aim": aim,
         "cases": cases, "best": _best(cases, aim), "notes": setting_sentences(before, "the design as it is"),
     }
 

@@ -100,11 +100,11 @@ def foretold(
         InputError: other heaters than those of the proof, or as `heatertune.proof.simulate`.
         OutOfRange: a setpoint that the sensor does not see or no heater reaches.
     """
-    known = parts.parts[:_loaded(parts.parts)]
-    scenario, before_s = _scenario(known, parts, proof, ambient_degC)
-    traces, step = list[Array](), _step_s(proof, known[-1].end_s)
+    calm_parts = parts.parts[:_loaded(parts.parts)]
+    scenario, before_s = _scenario(calm_parts, parts, proof, ambient_degC)
+    traces, step = list[Array](), _step_s(proof, calm_parts[-1].end_s)
     for trace in _traces(words, fitted, proof, scenario, progress):
-        time = np.arange(0.0, min(known[-1].end_s, float(trace.time_s[-1]) - before_s), step)
+        time = np.arange(0.0, min(calm_parts[-1].end_s, float(trace.time_s[-1]) - before_s), step)
         traces.append(trace.temperature_at(before_s + time))
     return Foretold(time, np.array(traces))
 
@@ -146,8 +146,8 @@ def foretold_mid_way(
     longest_s = settles_s if math.isfinite(settles_s) else _LONGEST * proof.scenario.duration_s
     for share in _STARTS:
         start = coldest + share * (parts.start_degC - coldest)
-        begun = replace(scenario, start_degC=start, duration_s=scenario.duration_s + longest_s)
-        for trace in _traces(words, fitted, proof, begun, progress):
+        run_scenario = replace(scenario, start_degC=start, duration_s=scenario.duration_s + longest_s)
+        for trace in _traces(words, fitted, proof, run_scenario, progress):
             passed = _passes(trace, start, parts.start_degC, margin_degC, goes_up=goes_up)
             if passed is not None:
                 passes.append(passed)
@@ -164,14 +164,14 @@ def _passes(
 ) -> tuple[float, float, float] | None:
     """Return when a run passes a temperature less a margin, the temperature, and with the margin [s]; None: never."""
     sign = 1.0 if goes_up else -1.0
-    gone = sign * (trace.temperature_degC - start_degC)
+    travel_degC = sign * (trace.temperature_degC - start_degC)
     way = sign * (first_degC - start_degC)
-    found = [np.flatnonzero(gone >= way + off) for off in (-margin_degC, 0.0, margin_degC)]
-    if not len(found[0]):
+    crossings = [np.flatnonzero(travel_degC >= way + off) for off in (-margin_degC, 0.0, margin_degC)]
+    if not len(crossings[0]):
         return None
-    early = float(trace.time_s[found[0][0]])
-    middle = float(trace.time_s[found[1][0]]) if len(found[1]) else early
-    late = float(trace.time_s[found[2][0]]) if len(found[2]) else middle
+    early = float(trace.time_s[crossings[0][0]])
+    middle = float(trace.time_s[crossings[1][0]]) if len(crossings[1]) else early
+    late = float(trace.time_s[crossings[2][0]]) if len(crossings[2]) else middle
     return early, middle, late
 
 
@@ -344,14 +344,14 @@ def as_left(
     if proof.actuator.cooling_gain is None:
         log.demand_heater_alone("which was not proven; the temperature is compared without its power: "
                                 "--power-column none")
-    asked, heats = merge_options(AsLeftSettings, settings, changed), not cools(fitted)
-    parts = parts_of(log, asked, setpoint_degC=proof.scenario.setpoint_degC, band_degC=_band_degC(proof), heats=heats)
-    runs = foretold(words, fitted, proof, parts, asked.ambient_degC, progress)
+    options, heats = merge_options(AsLeftSettings, settings, changed), not cools(fitted)
+    parts = parts_of(log, options, setpoint_degC=proof.scenario.setpoint_degC, band_degC=_band_degC(proof), heats=heats)
+    runs = foretold(words, fitted, proof, parts, options.ambient_degC, progress)
     early, late = 0.0 if parts.begins_by == "power" else words.sample_time_s, parts.unsure_s
-    own, margin, before_s = log.temperature_degC, _margin_degC(log, words, fitted), 0.0
+    temperature, margin, before_s = log.temperature_degC, _margin_degC(log, words, fitted), 0.0
     if begins_mid_way(log, parts, _step_degC(parts, fitted, proof, mid_way=True)):
         parts = begun_mid_way(log, parts)
-        runs, unsure, before_s = foretold_mid_way(words, fitted, proof, parts, margin, asked.ambient_degC, progress)
+        runs, unsure, before_s = foretold_mid_way(words, fitted, proof, parts, margin, options.ambient_degC, progress)
         early = late = unsure + parts.unsure_s + words.sample_time_s
     elif parts.begins_by == "temperature":
         parts, early, late = _placed(log, parts, runs)
@@ -361,22 +361,22 @@ def as_left(
     since = log.time_s - parts.begins_s
     shown = since[(since >= 0.0) & (since <= runs.time_s[-1])]
     low, high = runs.band(shown, early, late)
-    beyond = _beyond(own[np.isin(since, shown)], low - margin, high + margin)
+    beyond = _beyond(temperature[np.isin(since, shown)], low - margin, high + margin)
     outside = tuple(_outside(shown, beyond))
     step = _step_degC(parts, fitted, proof, mid_way=before_s > 0.0)
     loop = ProvenLoop([model for _, model in labelled_heaters(fitted)], _count_degC(words), words.sample_time_s,
-                      asked.ambient_degC)
-    seen = measured_criteria(log, parts, proof, step, loop)
+                      options.ambient_degC)
+    figures = measured_criteria(log, parts, proof, step, loop)
     at_best = measured_criteria(log, parts, proof, step, loop, forgiven_degC=margin)
     slack_s = parts.unsure_s + float(np.median(np.diff(log.time_s)))
-    lines = tuple(_measurement(name, criterion, seen[name], at_best[name], slack_s,
+    lines = tuple(_measurement(name, criterion, figures[name], at_best[name], slack_s,
                                before_s if name == TIME_OF["heat-up"] else 0.0)
                   for name, criterion in proof.criteria.items())
     against = tuple(_against(lines, outside))
     whole_degC = step if before_s > 0.0 else 0.0
-    unseen = (*_frozen(since, own, runs, _count_degC(words)), *_unseen(parts, lines),
+    unseen = (*_frozen(since, temperature, runs, _count_degC(words)), *_unseen(parts, lines),
               *_too_late(parts, lines, whole_degC))[:1]
-    drawn, banded = _drawn(since, own), _drawn(shown, low, high)
+    drawn, banded = _drawn(since, temperature), _drawn(shown, low, high)
     return AsLeft(
         trace=log.name, digest=proof.digest, messages=against or unseen,
         verdict="NOT AS PROVEN" if against else "NOT SHOWN" if unseen else "AS PROVEN",
@@ -384,7 +384,7 @@ def as_left(
         setpoint_degC=parts.parts[0].setpoint_degC, start_degC=parts.start_degC, begins_s=parts.begins_s,
         begins_by=parts.begins_by, unsure_s=parts.unsure_s, interval_s=float(np.median(np.diff(log.time_s))),
         step_degC=parts.step_degC, measurements=lines, outside=outside, margin_degC=margin,
-        time_s=_numbers(since[drawn]), temperature_degC=_numbers(own[drawn]),
+        time_s=_numbers(since[drawn]), temperature_degC=_numbers(temperature[drawn]),
         **_drawn_power(log, parts.begins_s, drawn),
         band_s=_numbers(shown[banded]), low_degC=_numbers(low[banded]), high_degC=_numbers(high[banded]))
 
@@ -488,12 +488,12 @@ def _measurement(
 def _against(lines: Sequence[Measurement], outside: Sequence[Outside]) -> Iterator[str]:
     """Tell what speaks against the loop's being as proven."""
     for line in lines:
-        called = line.name.replace("_", " ")
+        quantity = line.name.replace("_", " ")
         if line.keeps is False:
-            yield f"The {called} does not keep its limit{f': {line.message}' if '--load-at' in line.message else ''}."
+            yield f"The {quantity} does not keep its limit{f': {line.message}' if '--load-at' in line.message else ''}."
         elif line.as_proven is False:
             reason = _LESS_RESERVE if line.name == "power_reserve" else ""
-            yield f"The {called} is worse than that of every proven run{reason}."
+            yield f"The {quantity} is worse than that of every proven run{reason}."
     if outside:
         worst = max(outside, key=lambda stretch: abs(stretch.most_degC))
         side = "above" if worst.most_degC > 0.0 else "below"
@@ -578,10 +578,10 @@ def _notes(log: Log, parts: TraceParts, proof: ProofView, margin_degC: float) ->
     yield (f"A reading every {interval:.3g} s: times are known to within that, and nothing is known between two "
            f"readings. The band is widened by {margin_degC:.2g} °C for the resolution of the readings and the "
            "residuals of the model on its own log.")
-    asked, proven = parts.parts[0].setpoint_degC, proof.scenario.setpoint_degC
-    if abs(asked - proven) > _band_degC(proof):
-        yield (f"The setpoint of the trace is {asked:g} °C, that of the proof {proven:g} °C: the proven worst values "
-               "are for the latter.")
+    setpoint, proven = parts.parts[0].setpoint_degC, proof.scenario.setpoint_degC
+    if abs(setpoint - proven) > _band_degC(proof):
+        yield (f"The setpoint of the trace is {setpoint:g} °C, that of the proof {proven:g} °C: the proven worst "
+               "values are for the latter.")
 
 
 def _drawn(time: Array, *curves: Array) -> npt.NDArray[np.intp]:
@@ -589,9 +589,9 @@ def _drawn(time: Array, *curves: Array) -> npt.NDArray[np.intp]:
     if len(time) <= _DRAWN:
         return np.arange(len(time))
     stretches = np.array_split(np.arange(len(time)), _DRAWN // (2 * len(curves)))
-    kept = [stretch[pick] for stretch in stretches for curve in curves
-            for pick in (0, int(curve[stretch].argmin()), int(curve[stretch].argmax()))]
-    return np.unique([*kept, len(time) - 1])
+    numbers = [stretch[pick] for stretch in stretches for curve in curves
+               for pick in (0, int(curve[stretch].argmin()), int(curve[stretch].argmax()))]
+    return np.unique([*numbers, len(time) - 1])
 
 
 def _drawn_power(log: Log, begins_s: float, drawn: npt.NDArray[np.intp]) -> dict[str, Numbers | None]:

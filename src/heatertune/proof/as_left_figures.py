@@ -138,9 +138,9 @@ def leaves_s(time_s: Array, temperature_degC: Array, start_degC: float, end_degC
         least_degC: how far from the start it has left it [°C].
     """
     sign = np.sign(end_degC - start_degC)
-    gone = sign * (temperature_degC - start_degC)
-    half = np.flatnonzero(gone > 0.5 * abs(end_degC - start_degC))
-    still = np.flatnonzero(gone[: int(half[0]) if len(half) else None] <= least_degC)
+    travel_degC = sign * (temperature_degC - start_degC)
+    half = np.flatnonzero(travel_degC > 0.5 * abs(end_degC - start_degC))
+    still = np.flatnonzero(travel_degC[: int(half[0]) if len(half) else None] <= least_degC)
     return float(time_s[still[-1]]) if len(still) else float(time_s[0])
 
 
@@ -160,14 +160,14 @@ def begins_mid_way(log: Log, parts: TraceParts, whole_degC: float) -> bool:
     time, temperature = log.time_s, log.temperature_degC
     least = LEAVES * max(parts.step_degC, LEAST_STEP_DEGC)
     start, sign = float(temperature[0]), np.sign(first.setpoint_degC - parts.start_degC)
-    gone = sign * (temperature - start)
-    left = leaves_s(time, temperature, start, first.setpoint_degC, least) - float(time[0])
-    far = min(_FARTHER * least, float(gone.max()))
+    travel_degC = sign * (temperature - start)
+    departure_s = leaves_s(time, temperature, start, first.setpoint_degC, least) - float(time[0])
+    far = min(_FARTHER * least, float(travel_degC.max()))
     if far <= least:
         return True
     # at rest the temperature stays within `least` for longer than it takes to leave it at the slope that follows
-    passed = float(time[np.flatnonzero(gone >= far)[0]] - time[0]) - left
-    return left <= _interval_s(log) + passed * least / (far - least)
+    passed = float(time[np.flatnonzero(travel_degC >= far)[0]] - time[0]) - departure_s
+    return departure_s <= _interval_s(log) + passed * least / (far - least)
 
 
 def begun_mid_way(log: Log, parts: TraceParts) -> TraceParts:
@@ -185,9 +185,9 @@ def _moves(log: Log, settings: AsLeftSettings, setpoint_degC: float) -> list[tup
 
     A setpoint that is led to its end, reading by reading, is one move to that end.
     """
-    given = settings.setpoint_degC
-    if given is not None or log.setpoint_degC is None:
-        return [(0, setpoint_degC if given is None else given)]
+    stated_degC = settings.setpoint_degC
+    if stated_degC is not None or log.setpoint_degC is None:
+        return [(0, setpoint_degC if stated_degC is None else stated_degC)]
     column = log.setpoint_degC
     moves, last = [(0, float(column[0]))], -_ONE_MOVE
     for index in (np.flatnonzero(np.diff(column)) + 1).tolist():
@@ -493,12 +493,12 @@ def _course(log: Log, parts: TraceParts, part: TracePart, forgiven_degC: float) 
 
 
 def _worst(measurements: Iterable[TraceMeasurement]) -> TraceMeasurement:
-    seen = list(measurements)
-    known = [one for one in seen if one.value is not None]
-    unknown = [one for one in seen if one.value is None]
-    if not known:
-        return unknown[0]
-    return max(known, key=lambda entry: entry.value if entry.value is not None else 0.0)
+    entries = list(measurements)
+    with_value = [item for item in entries if item.value is not None]
+    without_value = [item for item in entries if item.value is None]
+    if not with_value:
+        return without_value[0]
+    return max(with_value, key=lambda entry: entry.value if entry.value is not None else 0.0)
 
 
 def _beyond(course: _PartReadings, ruler: _Ruler) -> float:
@@ -546,13 +546,13 @@ def _at_rest(
 
 def _reserve(rests: Sequence[_PartReadings], ruler: _Ruler, *, at_best: bool) -> TraceMeasurement:
     """Return the power that is left over at rest at the highest setpoint."""
-    held = [rest for rest in rests if abs(rest.part.setpoint_degC - ruler.highest_degC) <= ruler.band_degC
-            and rest.part.kind != "recovery" and rest.power is not None]
-    if not held:
+    at_highest = [rest for rest in rests if abs(rest.part.setpoint_degC - ruler.highest_degC) <= ruler.band_degC
+                  and rest.part.kind != "recovery" and rest.power is not None]
+    if not at_highest:
         return TraceMeasurement(None, "no power at the highest setpoint's rest in the trace")
-    if any(map(_is_pulses, held)) and not ruler.shows_power:
+    if any(map(_is_pulses, at_highest)) and not ruler.shows_power:
         return _too_slow(ruler)  # in step with the period, the mean of such readings may be any
-    least, unsure = min(((100.0 - _mean_power(rest), _unsure_pct(rest, ruler)) for rest in held),
+    least, unsure = min(((100.0 - _mean_power(rest), _unsure_pct(rest, ruler)) for rest in at_highest),
                         key=lambda entry: entry[0] + at_best * entry[1].total)
     return TraceMeasurement(least + at_best * (unsure.total + _of_room_pct(ruler)), unsure.summary)
 
@@ -614,9 +614,9 @@ def _unsure_pct(rest: _PartReadings, ruler: _Ruler) -> _PowerTolerance:
     warmed, beyond = max(0.0, sign * slope * length) + ruler.reading_degC, max(0.0, sign * mean)
     gains = [abs(heater.gain_degC_per_pct) for heater in ruler.loop.heaters]
     slowest = max(sum(heater.lags_s) / gain for heater, gain in zip(ruler.loop.heaters, gains, strict=True))
-    held = (ruler.reading_degC / 2.0 + beyond) / min(gains)
+    reading_pct = (ruler.reading_degC / 2.0 + beyond) / min(gains)
     fastest = min(max(heater.lags_s) for heater in ruler.loop.heaters)
-    return _PowerTolerance(resolution, held, swing / 2.0 / fastest, cut + slowest * warmed / length, length)
+    return _PowerTolerance(resolution, reading_pct, swing / 2.0 / fastest, cut + slowest * warmed / length, length)
 
 
 def _of_room_pct(ruler: _Ruler) -> float:

@@ -73,14 +73,14 @@ def compare(
     Raises:
         InputError, OutOfRange: as `prove`.
     """
-    rows, asked = [], conditions or Conditions()
+    rows, assumptions = [], conditions or Conditions()
     for number, target in enumerate(TARGETS, 1):
         progress(f"proving the parameters of {target} ({number} of {len(TARGETS)})")
-        its = asked if recipe is None or recipe.target == target else replace(asked, switches={})
-        rows.append(_row(target, ideal, scaling, recipe, partial(prove, fitted=fitted, conditions=its,
+        row_conditions = assumptions if recipe is None or recipe.target == target else replace(assumptions, switches={})
+        rows.append(_row(target, ideal, scaling, recipe, partial(prove, fitted=fitted, conditions=row_conditions,
                                                                   first_look=first_look)))
     label, model = labelled_heaters(fitted)[0]
-    setpoint, _ = setpoints_for(fitted, asked)
+    setpoint, _ = setpoints_for(fitted, assumptions)
     return {"schema": SCHEMA, "model": label, "setpoint_degC": setpoint,
             "gain_degC_per_pct": model.gain_degC_per_pct, "rows": rows}
 

@@ -225,8 +225,8 @@ class LoopLimits:
 
     def soak_settles_s(self, soak_s: float) -> float:
         """Return after what time of a soak the temperature has to be right [s]."""
-        given = (self.soak_settling_s, self.soak_settling_pct and self.soak_settling_pct / 100.0 * soak_s)
-        return min((limit for limit in given if limit is not None), default=_SETTLES_WITHIN * soak_s)
+        limits = (self.soak_settling_s, self.soak_settling_pct and self.soak_settling_pct / 100.0 * soak_s)
+        return min((limit for limit in limits if limit is not None), default=_SETTLES_WITHIN * soak_s)
 
 
 class Measure(NamedTuple):

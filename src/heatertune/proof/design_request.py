@@ -60,7 +60,7 @@ def with_pwm(
     assumed = conditions or Conditions()
     setpoint, _ = setpoints_for(fitted, assumed)
     tick = None if words is None else controller_for(words.target).tick_s
-    wanted = propose_period(
+    offer = propose_period(
         fitted.plants, kind=kind, sample_time_s=design.sample_time_s, ambient_degC=ROOM_DEGC, setpoint_degC=setpoint,
         ripple_degC_most=_OF_TOLERANCE * specification_of(assumed).tolerance_degC, tick_s=tick,
     )
@@ -69,16 +69,16 @@ def with_pwm(
             return design, assumed
         least = SWITCHES[kind].shortest_s
         longer = [each for each in cycle.periods_s if each >= least] or [cycle.periods_s[-1]]
-        calm = [each for each in longer if each <= wanted.period_s]
+        calm = [each for each in longer if each <= offer.period_s]
         period = calm[-1] if calm and math.isfinite(SWITCHES[kind].life) else longer[0]
         return design, replace(assumed, pwm_period_s=period)
-    if words is not None and (own := controller_for(words.target).timing(words).pwm_period_s) is not None:
-        note = f"{words.target} makes the PWM itself, period {own:g} s; a switch behind it would get: {wanted.summary}"
+    if words is not None and (pwm_s := controller_for(words.target).timing(words).pwm_period_s) is not None:
+        note = f"{words.target} makes the PWM itself, period {pwm_s:g} s; a switch behind it would get: {offer.summary}"
         return replace(design, notes=(*design.notes, note)), assumed
     if assumed.pwm_period_s is None:
-        resolution = tick_for(tick, sample_time_s=design.sample_time_s, pwm_period_s=wanted.period_s)
-        assumed = replace(assumed, pwm_period_s=wanted.period_s, pwm_resolution_s=resolution)
-    return replace(design, notes=(*design.notes, wanted.summary)), assumed
+        resolution = tick_for(tick, sample_time_s=design.sample_time_s, pwm_period_s=offer.period_s)
+        assumed = replace(assumed, pwm_period_s=offer.period_s, pwm_resolution_s=resolution)
+    return replace(design, notes=(*design.notes, offer.summary)), assumed
 
 
 #: a design and its words

@@ -246,12 +246,12 @@ def _is_json(file: Path) -> bool:
 
 
 def _proof_beside(file: Path, document: Document) -> tuple[Document | None, tuple[str, ...]]:
-    beside = file.with_name("proof.json")
-    if not beside.exists():
+    proof_file = file.with_name("proof.json")
+    if not proof_file.exists():
         return None, ()
     try:
-        proof = check_document(read_document(beside, PROOF_SCHEMA), beside)
-        demand_same_words(document, proof, beside)
+        proof = check_document(read_document(proof_file, PROOF_SCHEMA), proof_file)
+        demand_same_words(document, proof, proof_file)
     except (DocumentError, ExportRefused) as problem:
         return None, (f"its proof is not taken: {problem}",)
     return proof, ()
@@ -295,9 +295,9 @@ def _dumped(path: str, declared: DeclaredWords, opposite: Side | None) -> Side:
     unlike = () if read.unlike is None else read.unlike(words)
     if read.unlike is None:
         ways = {"setpoint ramp": words.ramp, "boost": words.boost}
-        told = (f"{name}, {way}" for name, way in ways.items() if way is not None)
-        taken_over += (*told, "the program around the words")
-    notes = [*unlike, *(f"not looked at: {rest}" for rest in read.passed_over),
+        extras = (f"{name}, {way}" for name, way in ways.items() if way is not None)
+        taken_over += (*extras, "the program around the words")
+    notes = [*unlike, *(f"not looked at: {passage}" for passage in read.passed_over),
              *(f"assumed, as the text does not say: {each}" for each in read.assumed)]
     return Side(source=path, kind="machine", words=words, taken_over=taken_over, notes=tuple(notes),
                 is_changed=bool(unlike))

@@ -69,8 +69,8 @@ def step_fed(
     """
     scan, inner = state
     strong = parameters.begin <= scan < parameters.end
-    given = parameters.strong if strong else parameters.calm
-    inner, power, output, flags = step(given, inner, setpoint, reading, cycle_start)
+    current = parameters.strong if strong else parameters.calm
+    inner, power, output, flags = step(current, inner, setpoint, reading, cycle_start)
     return (scan + 1, inner), power, output, flags
 
 
@@ -244,13 +244,13 @@ def _share(models: Sequence[tuple[str, HeaterModel]], effect: DisturbanceEffect,
     loads = [end * (effect.strong - effect.calm) for end in effect.pct_per_unit_ci95]
     for label, model in models:
         ambient, _ = conditions(Scenario(setpoint_degC=setpoint_degC, duration_s=1.0), model)
-        held = (setpoint_degC - ambient) / model.gain_degC_per_pct
+        holding_pct = (setpoint_degC - ambient) / model.gain_degC_per_pct
         for load in loads:
-            left = held - _RESERVE_PCT if load > 0.0 else 100.0 - _RESERVE_PCT - held
-            share = min(share, left / abs(load))
+            reserve_pct = holding_pct - _RESERVE_PCT if load > 0.0 else 100.0 - _RESERVE_PCT - holding_pct
+            share = min(share, reserve_pct / abs(load))
         if share < _LEAST_SHARE:
-            raise InputError(f"{label}: holding {setpoint_degC:g} °C takes {held:.3g} % of power, which leaves nothing "
-                             f"to make up for the disturbance, {effect.pct_per_unit:.3g} % per unit")
+            raise InputError(f"{label}: holding {setpoint_degC:g} °C takes {holding_pct:.3g} % of power, which leaves "
+                             f"nothing to make up for the disturbance, {effect.pct_per_unit:.3g} % per unit")
     return share
 
 
@@ -300,8 +300,8 @@ class _Trial(NamedTuple):
         sooner = acts._replace(lead_s=acts.lead_s + self._delay_s)
         scenario = self._scenario(late, sooner, begin, end, stops_s)
         check_words(self.controller, self.words, scenario)
-        asked = scenario.setpoints_degC
-        loops = in_loop(self.controller, self.words, asked, chosen), self._fed(asked, chosen, begin, end)
+        setpoints = scenario.setpoints_degC
+        loops = in_loop(self.controller, self.words, setpoints, chosen), self._fed(setpoints, chosen, begin, end)
         since_s = max(begin, 0) * self._scan_s
         (plain, beyond_plain), (fed, beyond_fed) = (
             _measured(run_loop(loop, late, scenario, self.plain.actuator), since_s, beyond=heats_up) for loop in loops)

@@ -154,17 +154,17 @@ def _apart_degC(log: Document, model: Document) -> float:
     Raises KeyError, TypeError or ValueError where they cannot be compared, with the reason.
     """
     _demand_comparable(log, model)
-    found = model["residuals"]
-    time_s, measured, simulated = (np.asarray(found[name], dtype=float)
+    residuals = model["residuals"]
+    time_s, measured, simulated = (np.asarray(residuals[name], dtype=float)
                                    for name in ("time_s", "measured_degC", "simulated_degC"))
     at_s, degC = (np.asarray(log[name], dtype=float) for name in ("time_s", "temperature_degC"))
     if not len(measured) or len(measured) != len(simulated):
         raise ValueError("the residuals are not as many as the readings")
-    apart, left = (float(np.sqrt(np.mean(each**2))) for each in (np.interp(time_s, at_s, degC) - measured,
+    apart, misfit = (float(np.sqrt(np.mean(error**2))) for error in (np.interp(time_s, at_s, degC) - measured,
                                                                 measured - simulated))
     if isinstance(fit_pct := model.get("fit_pct"), float):  # the model's own figure for what is left
-        left = min(left, (1.0 - fit_pct / 100.0) * float(np.std(measured)) + _LEAST_DEGC)
-    return 0.0 if apart <= _LEAST_DEGC + _APART * left else apart
+        misfit = min(misfit, (1.0 - fit_pct / 100.0) * float(np.std(measured)) + _LEAST_DEGC)
+    return 0.0 if apart <= _LEAST_DEGC + _APART * misfit else apart
 
 
 def _demand_comparable(log: Document, model: Document) -> None:

@@ -145,15 +145,15 @@ def cooler_findings(fitted: FittedModel, cooling_gain: float | None) -> tuple[Fi
     logged = fitted.cooling
     if logged is None or cooling_gain is None:
         return fitted.findings
-    kept = [finding for finding in fitted.findings if finding.name not in ("cooler", "cooler-differs")]
+    findings = [finding for finding in fitted.findings if finding.name not in ("cooler", "cooler-differs")]
     if logged.doubts:
-        kept.append(Finding(name="cooler-differs", message=f"{'; '.join(logged.doubts)}."))
+        findings.append(Finding(name="cooler-differs", message=f"{'; '.join(logged.doubts)}."))
     low, high = logged.cooling_gain_ci95
     if not low * (1.0 - _AS_LOGGED) <= cooling_gain <= high * (1.0 + _AS_LOGGED):
-        kept.append(Finding(name="cooling-gain", message=(
+        findings.append(Finding(name="cooling-gain", message=(
             f"full cooling was taken as {cooling_gain:.3g} times full heating, where the log shows {low:.3g} … "
             f"{high:.3g} (--cooling-gain {logged.cooling_gain:.3g}).")))
-    return tuple(kept)
+    return tuple(findings)
 
 
 def unreachable_findings(fitted: FittedModel, able: int, setpoint_degC: float) -> Iterator[Finding]:

@@ -302,30 +302,30 @@ def run(  # noqa: PLR0913 - compiled for the types of each: one value of them al
     whole, period, least = factors(scan_s, plant), pwm.heat[0], -100.0 if pwm.cooling > 0.0 else 0.0
     plant, flow = unchanged(plant, Flow(0.0, start, start, plant.ambient, 0.0, 0.0, 1.0))
     owed, begin, tick, origin = (0.0, 0.0), 0.0, 0.0, 0.0
-    begun = ticked = switched = arrived = happened = phase = calls = 0
+    period_count = ticked = switched = arrived = happened = phase = calls = 0
     rows, t, following, word = _stretch(record, 0, flow), late[0], 0.0, program.setpoints[0]
-    (seen, rest), (due, kind) = _begin(meter, start), next_event(plant, events, happened, edges, arrived, switched)
+    (stats, rest), (due, kind) = _begin(meter, start), next_event(plant, events, happened, edges, arrived, switched)
     for k in range(clock.scans):
         # the time between two scans is a whole interval where neither is late and nothing happens between them
         quiet = k > 0 and is_linear(plant) and (not shaken or late[k] == late[k - 1])
         while due <= t:
             quiet = False
             before = advance_heater(flow, due, factors(due - flow.now, plant))
-            seen, rest = measure_interval(meter, seen, rest, plant, flow, before)
+            stats, rest = measure_interval(meter, stats, rest, plant, flow, before)
             value = heat_after(edges, arrived, pwm.cooling) if kind == HEAT else events.value[happened]
             plant, flow = unchanged(plant, apply_event(plant, before, kind, value))
-            seen, rest = end_phase(meter, seen, rest, flow, kind)
+            stats, rest = end_phase(meter, stats, rest, flow, kind)
             arrived, happened = arrived + (kind == HEAT), happened + (kind not in (HEAT, AGAIN))
             phase += _begins_phase(kind)
             rows = _stretch(record, rows, flow) if kind <= HEAT else keep_nothing(record, rows, flow)
             due, kind = next_event(plant, events, happened, edges, arrived, switched)
         before, flow = flow, advance_heater(flow, t, whole if quiet else factors(t - flow.now, plant))
-        seen, rest = measure_interval(meter, seen, rest, plant, before, flow)
+        stats, rest = measure_interval(meter, stats, rest, plant, before, flow)
         plant, flow = unchanged(plant, flow)
         rows = keep_nothing(record, rows, flow)
         reading = measure(sensor, flow.y + (noise[k] if noisy else noise[0]))
         if calls == 0 and k > 0 and program.supplied[phase] and apart(begin, k * scan_s, period):
-            origin, begin, tick, begun, ticked = t, t, t, 0, 0
+            origin, begin, tick, period_count, ticked = t, t, t, 0, 0
         cycle_start = tick <= t + INSTANT_S
         ticked, tick = ticked_on(origin, ticked, tick, t, period)
         power, flags = 0.0, 0
@@ -346,10 +346,10 @@ def run(  # noqa: PLR0913 - compiled for the types of each: one value of them al
         following = (k + 1) * scan_s + (late[min(k + 1, len(late) - 1)] if shaken else late[0])
         while begin < following - INSTANT_S:
             switched, owed = period_of(edges, switched, begin, power, owed, pwm, cut)
-            begun += 1
-            begin = origin + begun * period
+            period_count += 1
+            begin = origin + period_count * period
         t, (due, kind) = following, next_event(plant, events, happened, edges, arrived, switched)
-    _end(meter, seen, rest, edges, switched, flow.now)
+    _end(meter, stats, rest, edges, switched, flow.now)
     return switched, rows
 
 

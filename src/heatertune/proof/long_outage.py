@@ -161,16 +161,16 @@ class OutageTiming(NamedTuple):
         From the lowest setpoint in use P requests full power, and little is integrated. Of 128 plain designs that
         passed, 3 reached up to 1.3 of their limit with a smaller change.
         """
-        asked, low_degC = self.scenario.setpoint_degC, self.scenario.lower_setpoint_degC
-        if self._summing is None or low_degC is None or low_degC == asked:
+        setpoint_degC, low_degC = self.scenario.setpoint_degC, self.scenario.lower_setpoint_degC
+        if self._summing is None or low_degC is None or low_degC == setpoint_degC:
             return []
-        way_degC, again_degC = low_degC - asked, self.controller.again_degC(self.words)
+        way_degC, again_degC = low_degC - setpoint_degC, self.controller.again_degC(self.words)
         shares = _LED_BY_P[1::2] if self._many else _LED_BY_P
         by_p = [share * self._full_rise_degC(self._summing) for share in shares]
         if again_degC is not None:
             by_p = [each for each in by_p if each < again_degC] + [share * again_degC for share in _NOT_YET]
         far = {*by_p, *self._more_degC(abs(way_degC), 0)}
-        return [asked + math.copysign(each, way_degC) for each in sorted(far) if each < abs(way_degC)]
+        return [setpoint_degC + math.copysign(each, way_degC) for each in sorted(far) if each < abs(way_degC)]
 
     @property
     def _summing(self) -> PidDesign | None:
@@ -412,8 +412,8 @@ def nights_of(
 
 def _restarted(scenario: Scenario, warm_s: Sequence[float]) -> Iterator[LongOutage]:
     if (back := _restart_in(scenario)) is not None:
-        told = f"Where the controller is restarted after {_minutes(warm_s)} without supply"
-        yield LongOutage(WARM, _scenario_of(scenario, back, warm_s), told,
+        summary = f"Where the controller is restarted after {_minutes(warm_s)} without supply"
+        yield LongOutage(WARM, _scenario_of(scenario, back, warm_s), summary,
                          "; the limit is kept where the heater is hot, or cold")
 
 
@@ -433,8 +433,8 @@ def _changed_in_part(scenario: Scenario, lows_degC: Sequence[float]) -> Iterator
             falls = NewSetpoint(time_s=rest_s, setpoint_degC=low_degC)
             course.add(falls, way_back(scenario, fall, 0.0)[0] + rest_s)
             course.single(fall + 1)
-        told = f"Where the setpoint changes between its highest and {min(lows_degC):.4g} to {max(lows_degC):.4g} °C"
-        yield LongOutage(PART, course.scenario, told,
+        summary = f"Where the setpoint changes between its highest and {min(lows_degC):.4g} to {max(lows_degC):.4g} °C"
+        yield LongOutage(PART, course.scenario, summary,
                          "; the limit is kept where it falls to its lowest, and rises from there")
 
 
@@ -454,8 +454,8 @@ def _opened(
                      for setpoint, shorter in lower_s.items()}
         yield _at_lower_setpoints(scenario, number, lengths_s, models)
     if brief_s and scenario.rests_s:
-        told = f"After {_minutes(brief_s)} with an open circuit"
-        yield LongOutage(BRIEF, _scenario_of(scenario, number, brief_s), told, "; the limit is kept after a longer one")
+        text = f"After {_minutes(brief_s)} with an open circuit"
+        yield LongOutage(BRIEF, _scenario_of(scenario, number, brief_s), text, "; the limit is kept after a longer one")
 
 
 def _under_load(scenario: Scenario, number: int, lengths_s: OutageLengths, again: str) -> Iterator[LongOutage]:
@@ -468,13 +468,13 @@ def _under_load(scenario: Scenario, number: int, lengths_s: OutageLengths, again
     few_s = sorted({warm_s[round(share * (len(warm_s) - 1))] for share in _OF_RESTARTS}) if warm_s else []
     kinds = [(UNDER_LOAD, lengths_s.fewer, REST_SHARE, 1.0, "; the limit is kept without a load"),
              (again, OutageLengths(lengths_s.openings_s, few_s), 1.0, _ANY, "; it does without a load")]
-    for name, lengths, share, most, kept in kinds[:2 if again else 1]:
+    for name, lengths, share, most, limits_kept in kinds[:2 if again else 1]:
         course = Course(scenario, way_back(scenario, number + 1, share)[1])
         course.single(_loads_in(scenario)[0], rest_share=1.0)
         course.outages(number, off, lengths, share)
         restart = "" if off is None or not warm_s else ", or a restart of the controller,"
-        told = f"After {_minutes(lengths.openings_s)} with an open circuit{restart} while a load is held"
-        yield LongOutage(name, course.scenario, told, kept, most=most)
+        summary = f"After {_minutes(lengths.openings_s)} with an open circuit{restart} while a load is held"
+        yield LongOutage(name, course.scenario, summary, limits_kept, most=most)
 
 
 def _loads_in(scenario: Scenario) -> list[int]:
@@ -551,10 +551,10 @@ def _at_lower_setpoints(
         for goods in _cold_goods(scenario, setpoint_degC, models):
             course.add(goods, *way_back(scenario, number + 1, REST_SHARE))
     every_s = sorted(chain(*(lengths.openings_s for lengths in lengths_s.values())))
-    told = (f"After {_minutes(every_s)} with an open circuit, or another event of the test sequence, "
-            f"at {_degrees(lengths_s)} °C")
+    summary = (f"After {_minutes(every_s)} with an open circuit, or another event of the test sequence, "
+               f"at {_degrees(lengths_s)} °C")
     name = BELOW if scenario.setpoint_low_degC is None else LOW
-    return LongOutage(name, course.scenario, told, f"; {_KEPT_AT_HIGHEST}")
+    return LongOutage(name, course.scenario, summary, f"; {_KEPT_AT_HIGHEST}")
 
 
 def _cold_goods(
@@ -636,8 +636,8 @@ def sums_up(diagnostics: FitDiagnostics) -> bool:
 
 def unmended(diagnostics: FitDiagnostics) -> set[str]:
     """Return which were found that no other gains mend; where there is none such, all that were found."""
-    found = wound(diagnostics)
-    return found - _MENDED or found
+    names = wound(diagnostics)
+    return names - _MENDED or names
 
 
 def briefly(diagnostics: FitDiagnostics) -> frozenset[str]:
@@ -645,5 +645,5 @@ def briefly(diagnostics: FitDiagnostics) -> frozenset[str]:
 
     These are criteria of a story, and other gains may mend them, as they mend what fails.
     """
-    found = wound(diagnostics)
-    return frozenset(name for each in found for name in JUDGED[each]) if found <= _MENDED else frozenset()
+    findings = wound(diagnostics)
+    return frozenset(name for finding in findings for name in JUDGED[finding]) if findings <= _MENDED else frozenset()

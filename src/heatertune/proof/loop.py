@@ -241,8 +241,8 @@ def trace_run(
         True, np.empty(scans), np.empty(scans), np.empty(scans), np.empty(scans), np.zeros(scans, dtype=np.int64),
         *columns,
     )
-    given = (program_of(controller, scenario), batch, actuator.switches, cut_s, edges, record, meter)
-    switched, rows = run_with(controller, given, (1 + meter.measures) * scans)  # plain, a measured scan takes two
+    arguments = (program_of(controller, scenario), batch, actuator.switches, cut_s, edges, record, meter)
+    switched, rows = run_with(controller, arguments, (1 + meter.measures) * scans)  # plain, a measured scan takes two
     shown = edges[:switched][np.abs(edges[:switched]) <= time[-1]]
     edge_pct = np.zeros(len(shown))
     edge_pct[::2] = np.copysign(100.0, shown[::2])
@@ -370,10 +370,10 @@ def have_loss(plants: Array) -> bool:
 
 def program_of(controller: LoopController, scenario: Scenario) -> SetpointProgram:
     """Return the program around a controller, phase by phase; raise ValueError where it is asked for other phases."""
-    asked = np.array(controller.setpoints)
-    if len(asked) != len(scenario.setpoints_degC):
-        raise ValueError(f"{len(asked)} setpoints for {len(scenario.setpoints_degC)} phases")
-    return SetpointProgram(asked, np.array(scenario.supplied, dtype=np.int64), controller.ramp_step,
+    setpoints = np.array(controller.setpoints)
+    if len(setpoints) != len(scenario.setpoints_degC):
+        raise ValueError(f"{len(setpoints)} setpoints for {len(scenario.setpoints_degC)} phases")
+    return SetpointProgram(setpoints, np.array(scenario.supplied, dtype=np.int64), controller.ramp_step,
                            controller.ramp_calls, controller.ramp_hold)
 
 
@@ -408,18 +408,18 @@ def in_loop(
     core, running = (
         controller.start_directly(words, switches) if direct else (controller.core, controller.start(words, switches)))
     measured = {setpoint: controller.measure(words, setpoint) for setpoint in {*setpoints_degC}}
-    asked = [measured[setpoint] for setpoint in setpoints_degC]
+    setpoint_words = [measured[setpoint] for setpoint in setpoints_degC]
     low, high = words.scaling.low_degC, words.scaling.high_degC
     lowest, highest = controller.ends(words)
     unit = (high - low) / (highest - lowest)
-    none, ramp = type(asked[0])(0), words.ramp
+    none, ramp = type(setpoint_words[0])(0), words.ramp
     settings = settings_of(controller.switches, switches)
     return LoopController(
-        core=replace(core, store_setpoint=single) if isinstance(asked[0], float) else core,
+        core=replace(core, store_setpoint=single) if isinstance(setpoint_words[0], float) else core,
         parameters=running.parameters,
         state=(running.state, *core.other_starts(running.parameters, running.state))[start],
         sensor=controller.sensor(words.scaling),
-        setpoints=asked,
+        setpoints=setpoint_words,
         scan_s=timing.scan_s,
         ramp_step=none if ramp is None else ramp.step,
         ramp_calls=0 if ramp is None else ramp.calls,

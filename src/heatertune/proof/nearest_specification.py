@@ -58,8 +58,8 @@ def passing_settings(proof: Proof) -> dict[str, tuple[str, ...]]:
 
 def setting_sentences(proof: Proof, what: str) -> list[str]:
     """Return a sentence for each switch that the failure of `what` hangs on alone, see `passing_settings`."""
-    return [f"With {name} = {' or '.join(kept)}, no run of {what} fails: find out what this controller does, and state "
-            f"it with --assume {name}={kept[0]}." for name, kept in passing_settings(proof).items()]
+    return [f"With {name} = {' or '.join(values)}, no run of {what} fails: find out what this controller does, and "
+            f"state it with --assume {name}={values[0]}." for name, values in passing_settings(proof).items()]
 
 
 def suspects(proof: Proof, wound: Sequence[Mapping[str, str]] = ()) -> dict[str, str]:
@@ -111,12 +111,12 @@ def tolerance_that_passes(
 
 def _wider(proof: Proof, conditions: Conditions) -> Iterator[Conditions]:
     """Yield conditions with wider tolerances that hold the swing and the offset which a proof has found."""
-    asked, least = specification_of(conditions).tolerance_degC, max(
+    stated_degC, least = specification_of(conditions).tolerance_degC, max(
         (each.value for each in proof.criteria if each.name in _IN_BAND), default=0.0)
     others = tuple(limit for limit in conditions.limit if not limit.lstrip().startswith("tolerance"))
-    most = _MOST_DEFAULTS * (default_limit(specification_of(conditions), "tolerance", "degC") or asked)
-    for tolerance in dict.fromkeys(min(most, float(f"{factor * asked:.3g}")) for factor in _WIDER):
-        if tolerance >= least and tolerance > asked:
+    most = _MOST_DEFAULTS * (default_limit(specification_of(conditions), "tolerance", "degC") or stated_degC)
+    for tolerance in dict.fromkeys(min(most, float(f"{factor * stated_degC:.3g}")) for factor in _WIDER):
+        if tolerance >= least and tolerance > stated_degC:
             yield replace(conditions, tolerance_degC=tolerance, limit=others)
 
 
@@ -134,8 +134,8 @@ def both_that_pass(
         passes: whether another proof is good enough.
     """
     for wider in _wider(proof, conditions):
-        looser = limits_above((found := prove(words, fitted, wider)).criteria)
-        if not looser or not within_reach(looser, found, fitted, wider):
+        looser = limits_above((wider_proof := prove(words, fitted, wider)).criteria)
+        if not looser or not within_reach(looser, wider_proof, fitted, wider):
             continue
         if passes(prove(words, fitted, loosen_conditions(wider, looser))):
             return "--tolerance", f"{wider.tolerance_degC:g}", *options_of(looser)
@@ -144,8 +144,8 @@ def both_that_pass(
 
 def loosen_conditions(conditions: Conditions, looser: Mapping[str, str]) -> Conditions:
     """Return conditions with limits in the place of what they say of these."""
-    kept = [limit for limit in conditions.limit if limit.partition("=")[0].strip() not in looser]
-    return replace(conditions, limit=(*kept, *(f"{name}={value}" for name, value in looser.items())))
+    limits = [limit for limit in conditions.limit if limit.partition("=")[0].strip() not in looser]
+    return replace(conditions, limit=(*limits, *(f"{name}={value}" for name, value in looser.items())))
 
 
 def options_of(limits: Mapping[str, str]) -> tuple[str, ...]:

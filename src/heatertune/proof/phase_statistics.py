@@ -146,14 +146,14 @@ def offset_degC(measured: CriterionTable, phases: Sequence[int]) -> Array:
 
 def swing_degC(measured: CriterionTable, phases: Sequence[int]) -> Array:
     """Return half of the peak to peak at rest, shape (n, phases)."""
-    seen = measured.table[:, phases]
-    return (seen[:, :, REST_HIGHEST] - seen[:, :, REST_LOWEST]) / 2.0
+    stats = measured.table[:, phases]
+    return (stats[:, :, REST_HIGHEST] - stats[:, :, REST_LOWEST]) / 2.0
 
 
 def off_at_rest_degC(measured: CriterionTable, phases: Sequence[int]) -> Array:
     """Return the largest distance from the setpoint at rest, shape (n, phases)."""
-    seen = measured.table[:, phases]
-    return np.maximum(seen[:, :, REST_HIGHEST], -seen[:, :, REST_LOWEST])
+    stats = measured.table[:, phases]
+    return np.maximum(stats[:, :, REST_HIGHEST], -stats[:, :, REST_LOWEST])
 
 
 def ripple_degC(measured: CriterionTable, _phases: Sequence[int]) -> Array:
@@ -199,8 +199,8 @@ def switchings_per_h(measured: CriterionTable, _phases: Sequence[int]) -> Array:
 
 
 def _on_side(measured: CriterionTable, phases: Sequence[int], *, along: bool) -> Array:
-    seen = measured.table[:, phases]
-    return np.maximum(0.0, np.where(_rises(measured, phases) == along, seen[:, :, HIGHEST], -seen[:, :, LOWEST]))
+    stats = measured.table[:, phases]
+    return np.maximum(0.0, np.where(_rises(measured, phases) == along, stats[:, :, HIGHEST], -stats[:, :, LOWEST]))
 
 
 def _rises(measured: CriterionTable, phases: Sequence[int]) -> npt.NDArray[np.bool_]:
@@ -237,8 +237,8 @@ def _rise(measured: CriterionTable, _phases: Sequence[int]) -> Array:
 
 def _change(measured: CriterionTable, phases: Sequence[int]) -> Array:
     """Return by how much the setpoint changes at the begin of each phase [°C], shape (phases,)."""
-    asked = measured.scenario.setpoints_degC
-    return np.array([abs(asked[number] - asked[number - 1]) for number in phases])
+    setpoints = measured.scenario.setpoints_degC
+    return np.array([abs(setpoints[number] - setpoints[number - 1]) for number in phases])
 
 
 def _ramp(measured: CriterionTable, phases: Sequence[int]) -> Array:

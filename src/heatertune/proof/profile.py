@@ -299,13 +299,13 @@ def _segment(place: str, cells: Sequence[str], columns: Sequence[_Column]) -> Se
     if len(cells) != len(columns):
         raise DocumentError(f"{place}: {len(cells)} cells; expected {len(columns)}, one for each column")
     pairs = list(zip(columns, cells, strict=True))
-    given = {column.sets: _number(place, column, cell) for column, cell in pairs
-             if cell or column.sets == "target_degC"}
+    values = {column.sets: _number(place, column, cell) for column, cell in pairs
+              if cell or column.sets == "target_degC"}
     ramps = [column for column, cell in pairs if cell and column.sets in ("rate_degC_per_s", "ramp_s")]
     if len(ramps) != 1:
         heads = " or ".join(column.head for column in columns if column.sets in ("rate_degC_per_s", "ramp_s"))
         raise DocumentError(f"{place}: {len(ramps) or 'no'} ramps; expected a number in column {heads}")
-    return Segment(**given)
+    return Segment(**values)
 
 
 def _number(place: str, column: _Column, cell: str) -> float:

@@ -260,10 +260,10 @@ class Proof(NotebookDisplay):
 
         What the fit leaves open no run shows; too few samples do not show what share of all heaters passes.
         """
-        heard = [NOT_PROVEN] if self.diagnostics.blocking else []
+        fit_verdicts = [NOT_PROVEN] if self.diagnostics.blocking else []
         broken = ["FAIL"] if not all(criterion.ok for criterion in self.criteria) else []
         drawn = [] if self.samples is None else [self.samples.verdict]
-        return combined_verdict([*(run.verdict for run in self.runs), *broken, *heard, *drawn])
+        return combined_verdict([*(run.verdict for run in self.runs), *broken, *fit_verdicts, *drawn])
 
     @property
     def shortfalls(self) -> tuple[str, ...]:
@@ -333,19 +333,19 @@ def prove_models(
     step = acceptance.step_power_pct(
         _with_cooling(controller, words, design, first.actuator), max(first.resolution_degC, scenario.noise_degC))
     results = _results(runs, judged, acceptance, step, _with_cooling(controller, words, design, first.actuator))
-    heard = _with_unshown(_with_band(acceptance.diagnostics, acceptance.limits, first.resolution_degC),
-                          coverage.in_question(controller.switches), results)
+    diagnostics = _with_unshown(_with_band(acceptance.diagnostics, acceptance.limits, first.resolution_degC),
+                                coverage.in_question(controller.switches), results)
     if controller.direct is not None and coverage.whole:  # measured on traces, whose last digits differ
         for run in {0, _worst(results)}:
             results[run] = _ran(results[run], runs.judge(traced(run), run))
     states = [*_with_late_calls(runs, results, judged, coverage), *_with_other_states(runs, results, judged, coverage)
               ] if coverage.draws else []
     seeds, remarks = _with_draws(runs, results, judged) if coverage.draws else ({}, [])
-    heard = replace(heard, remarks=(*heard.remarks, *states, *remarks))
+    diagnostics = replace(diagnostics, remarks=(*diagnostics.remarks, *states, *remarks))
     broken: Mapping[str, tuple[Run, ...]] = {}
     if coverage.whole and all(result.verdict == "PASS" for result in results):
-        found, broken = _after_nights(runs, results, coverage)
-        heard = replace(heard, findings=(*heard.findings, *found))
+        findings, broken = _after_nights(runs, results, coverage)
+        diagnostics = replace(diagnostics, findings=(*diagnostics.findings, *findings))
     return Proof(
         words=words,
         design=design,
@@ -361,7 +361,7 @@ def prove_models(
         ramp_degC_per_min=math.inf if words.ramp is None else controller.ramp_degC_per_min(words),
         hold_degC=None if words.ramp is None else controller.hold_degC(words),
         open_points=coverage.whole,
-        diagnostics=heard,
+        diagnostics=diagnostics,
         specification=acceptance.specification,
         nights=broken,
         mains=tuple(MainsScenario(mains_power=part.mains_power, scenario=part.scenario) for part in runs.parts
@@ -553,12 +553,12 @@ def _after_nights(
     """Return what other lengths show at each power, a finding once, and the runs that show it, by its name."""
     findings, broken = dict[str, Finding](), dict[str, tuple[Run, ...]]()
     for part in runs.parts:
-        own = [result for result in results if result.mains_power == part.mains_power]
-        found, over = _after_a_night(part, own, coverage)
-        for finding in found:
-            told = finding.message if part.mains_power is None else (
+        part_results = [result for result in results if result.mains_power == part.mains_power]
+        part_findings, over = _after_a_night(part, part_results, coverage)
+        for finding in part_findings:
+            message = finding.message if part.mains_power is None else (
                 f"{finding.message.removesuffix('.')} ({mains_label(part.mains_power)}).")
-            findings.setdefault(finding.name, replace(finding, message=told))
+            findings.setdefault(finding.name, replace(finding, message=message))
         broken |= {name: (*broken.get(name, ()), *some) for name, some in over.items()}
     return list(findings.values()), broken
 
@@ -577,10 +577,10 @@ def _after_a_night(
     findings, broken = list[Finding](), dict[str, tuple[Run, ...]]()
     for first, closer in zip(coarse, fine, strict=True):
         with outside_budget(only_told=first.name in ONLY_TOLD):
-            told = _judged_after(runs, results, coverage, first, closer)
-        if found := closer.findings(criterion for _, criteria in told for criterion in criteria):
-            findings += found
-            over = [run for run, criteria in told if closer.findings(criteria)]
+            outcomes = _judged_after(runs, results, coverage, first, closer)
+        if new_findings := closer.findings(criterion for _, criteria in outcomes for criterion in criteria):
+            findings += new_findings
+            over = [run for run, criteria in outcomes if closer.findings(criteria)]
             broken[closer.name] = tuple(run for place, run in enumerate(over) if run not in over[:place])
     return findings, broken
 
@@ -599,14 +599,14 @@ def _judged_after(
                     again.cases, again.judge_all(), strict=True))]
 
     hardest = _hardest_after(results, first.name)
-    told = judged(first, [*(run.run for run in hardest),
-                          *((name, hardest[-1].switches, power) for name, _ in runs.models)])
-    (model, *_), _ = max(told, key=lambda entry: first.strain(entry[1]))
-    ran = [run for run, _ in told]
+    outcomes = judged(first, [*(run.run for run in hardest),
+                              *((name, hardest[-1].switches, power) for name, _ in runs.models)])
+    (model, *_), _ = max(outcomes, key=lambda entry: first.strain(entry[1]))
+    ran = [run for run, _ in outcomes]
     if others := [run for run in ((model, run.switches, power) for run in hardest) if run not in ran]:
-        told += judged(first, others)
-    near = [run for run, criteria in told if first.strain(criteria) > _NEAR]
-    return told + (judged(closer, near) if near and closer.scenario != first.scenario else [])
+        outcomes += judged(first, others)
+    near = [run for run, criteria in outcomes if first.strain(criteria) > _NEAR]
+    return outcomes + (judged(closer, near) if near and closer.scenario != first.scenario else [])
 
 
 def _nights(

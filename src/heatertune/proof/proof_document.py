@@ -233,8 +233,8 @@ class ComparisonView:
 def _demand_drawable(**series: Numbers) -> None:
     """Refuse series of a picture that are empty, of different lengths, or whose numbers no axis can hold."""
     if len({len(numbers) for numbers in series.values()}) > 1 or not all(map(len, series.values())):
-        told = ", ".join(f"{len(numbers)} of {name}" for name, numbers in series.items())
-        raise DocumentError(f"{told}; expected as many of each, and at least one")
+        lengths = ", ".join(f"{len(numbers)} of {name}" for name, numbers in series.items())
+        raise DocumentError(f"{lengths}; expected as many of each, and at least one")
     if not all(abs(number) <= _MOST for number in chain(*series.values())):
         raise DocumentError(f"{' and '.join(series)}: a number beyond ±{_MOST:g}")
 
@@ -380,10 +380,10 @@ class ProofView(NotebookDisplay):
     @property
     def derived(self) -> str:
         """The verdict that follows from the values."""
-        kept = all(criterion.keeps(criterion.value) for criterion in self.criteria.values())
+        keeps_all = all(criterion.keeps(criterion.value) for criterion in self.criteria.values())
         drawn = [] if self.samples is None else [self.samples.derived]
         blocked = any(finding.effect == "blocks" and not finding.accepted for finding in self.findings)
-        return combined_verdict(["PASS" if kept else "FAIL", *drawn, *([NOT_PROVEN] if blocked else [])])
+        return combined_verdict(["PASS" if keeps_all else "FAIL", *drawn, *([NOT_PROVEN] if blocked else [])])
 
     def _demand_all_criteria(self) -> None:
         is_pid = any(kind.source == "words" and kind.name in self.criteria for kind in CRITERIA)
@@ -404,10 +404,10 @@ class ProofView(NotebookDisplay):
         """Refuse a band that is wider than the tolerance without the finding that says so."""
         coarse = "coarse-sensor" in {finding.name for finding in self.findings}
         for name in (name for name in self.criteria if CRITERION[name].otherwise == "band"):
-            band, own = self.criteria[name].limit, CRITERION[name].limit_in(self.limits)
-            asked, wider = (self.limits.tolerance_degC, coarse) if own is None else (own, False)
-            if band is None or (band > asked and not wider):
-                raise DocumentError(f"criteria.{name}.limit: {band}; the tolerance is {asked:g} °C")
+            band, own_limit = self.criteria[name].limit, CRITERION[name].limit_in(self.limits)
+            tolerance, wider = (self.limits.tolerance_degC, coarse) if own_limit is None else (own_limit, False)
+            if band is None or (band > tolerance and not wider):
+                raise DocumentError(f"criteria.{name}.limit: {band}; the tolerance is {tolerance:g} °C")
 
     def _check_run(self, at: str, run: RunView) -> None:
         self._demand_criteria_of(at, run)
@@ -417,8 +417,8 @@ class ProofView(NotebookDisplay):
                 outcome.ok and outcome.value <= longest_s)
             if outcome.ok != keeps:
                 raise DocumentError(f"{at}.criteria.{name}.ok: {outcome.ok}; its value says otherwise")
-        kept = all(outcome.ok for outcome in run.criteria.values())
-        if run.verdict != ("PASS" if kept else "FAIL"):
+        keeps_all = all(outcome.ok for outcome in run.criteria.values())
+        if run.verdict != ("PASS" if keeps_all else "FAIL"):
             raise DocumentError(f"{at}.verdict: {run.verdict!r}; its values say otherwise")
 
     def _demand_criteria_of(self, at: str, run: RunView) -> None:

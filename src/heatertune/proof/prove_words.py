@@ -97,33 +97,33 @@ def prove(
         OutOfRange: as `heatertune.proof.prove_models`.
         UnknownName: no such interlock, switch or setting, or no finding to accept.
     """
-    asked = merge_options(Conditions, conditions, changed, also=("conditions", "first_look", "only", "progress"))
-    if asked.interlock is not None and cools(fitted):
+    assumptions = merge_options(Conditions, conditions, changed, also=("conditions", "first_look", "only", "progress"))
+    if assumptions.interlock is not None and cools(fitted):
         raise InputError("an interlock switches off a heater that gets too hot; for a cooler leave --interlock out")
-    fitted = for_setpoints(fitted, every_setpoint(fitted, asked))
-    setpoint, farthest = setpoints_for(fitted, asked)
-    models, setpoints = holding_heaters(fitted, farthest), every_setpoint(fitted, asked)
+    fitted = for_setpoints(fitted, every_setpoint(fitted, assumptions))
+    setpoint, farthest = setpoints_for(fitted, assumptions)
+    models, setpoints = holding_heaters(fitted, farthest), every_setpoint(fitted, assumptions)
     heaters = [model for _, model in models]
-    course, specification = course_for(words, heaters, asked, setpoint), specification_of(asked)
+    course, specification = course_for(words, heaters, assumptions, setpoint), specification_of(assumptions)
     powers = () if first_look else MAINS_POWERS if only is None else dict.fromkeys(power for *_, power in only if power)
-    supplies, told, untested = _supplies(words, models, asked, (setpoint, farthest), powers, course.notes)
-    actuator = actuator_for(asked, words)
-    heard = FitDiagnostics(
+    supplies, notes, untested = _supplies(words, models, assumptions, (setpoint, farthest), powers, course.notes)
+    actuator = actuator_for(assumptions, words)
+    diagnostics = FitDiagnostics(
         findings=(*cooler_findings(fitted, actuator.cooling_gain), *unreachable_findings(fitted, len(models), farthest),
-                  *beyond_log(fitted, setpoints)), accepted=asked.accept,
+                  *beyond_log(fitted, setpoints)), accepted=assumptions.accept,
         assumed=fitted.assumed, not_tested=(*course.not_tested, *untested, *_neighbours_not_tested(fitted)),
-        remarks=(*beyond_by_curve(fitted, setpoints), *_remarks(words, fitted, asked, setpoints),
-                 *left_out(fitted, len(models), farthest), *course.notes, *told))
+        remarks=(*beyond_by_curve(fitted, setpoints), *_remarks(words, fitted, assumptions, setpoints),
+                 *left_out(fitted, len(models), farthest), *course.notes, *notes))
     acceptance = Acceptance(
         limits=limits_of(specification, heaters), specification=specification, margins_of=margins,
-        reading_step_degC=fitted.reading_step_degC, diagnostics=heard)
+        reading_step_degC=fitted.reading_step_degC, diagnostics=diagnostics)
     coverage = Coverage(
-        stated_settings=asked.switches, open_points=not first_look, only=only, night=night, night_times=night_times,
-        draws=not first_look and night is None,  # as in a whole proof, whose nights have one draw
+        stated_settings=assumptions.switches, open_points=not first_look, only=only, night=night,
+        night_times=night_times, draws=not first_look and night is None,  # as in a whole proof: nights have one draw
         progress=progress, supplies=supplies)
     return prove_models(
         controller_for(words.target), words, models[:1] if first_look else models, course.scenario,
-        actuator, acceptance, coverage, interlock=_interlock(asked, words))
+        actuator, acceptance, coverage, interlock=_interlock(assumptions, words))
 
 
 def _neighbours_not_tested(fitted: FittedModel) -> Iterator[str]:
@@ -149,19 +149,19 @@ def _supplies(
         powers: full power as a share of the rated one, of each voltage.
         rated_notes: what is easier at the rated power, which need not be repeated.
     """
-    supplies, told, untested = list[Supply](), list[str](), list[str]()
+    supplies, notes, untested = list[Supply](), list[str](), list[str]()
     story, scan_s = specification_of(conditions).story_at(None), controller_for(words.target).timing(words).scan_s
     if not story.mains or story.paper_times:
-        return supplies, told, untested
+        return supplies, notes, untested
     for power in powers:
         label = f"{mains_label(power)} throughout"
         at_power = [(name, scale_power(model, power)) for name, model in models]
-        held = [(max(setpoints_degC, key=lambda entry: abs(entry - ambient)) - ambient) / model.gain_degC_per_pct
-                for _, model in at_power for ambient in [float(model.ambient_degC or 0.0)]]
-        able = tuple(one for one, pct in zip(at_power, held, strict=True) if pct <= 100.0 - RESERVE_PCT)
+        holding_pct = [(max(setpoints_degC, key=lambda entry: abs(entry - ambient)) - ambient) / model.gain_degC_per_pct
+                       for _, model in at_power for ambient in [float(model.ambient_degC or 0.0)]]
+        able = tuple(pair for pair, pct in zip(at_power, holding_pct, strict=True) if pct <= 100.0 - RESERVE_PCT)
         if len(able) < len(models):
             whom = "" if len(models) == 1 else f" on {len(models) - len(able)} of {len(models)} heaters"
-            untested.append(f"{label}{whom} ({max(held):.3g} % of that power would hold the setpoint)")
+            untested.append(f"{label}{whom} ({max(holding_pct):.3g} % of that power would hold the setpoint)")
         if not able:
             continue
         try:
@@ -173,8 +173,8 @@ def _supplies(
             untested.append(f"{label} (more than {MOST_SCANS // 1_000_000} million scans)")
             continue
         supplies.append(Supply(mains_power=power, scenario=course.scenario, models=able))
-        told += [f"{label}, of that power: {easier}" for easier in course.notes if easier not in rated_notes]
-    return supplies, told, untested
+        notes += [f"{label}, of that power: {easier}" for easier in course.notes if easier not in rated_notes]
+    return supplies, notes, untested
 
 
 def setpoints_for(fitted: FittedModel, conditions: Conditions) -> tuple[float, float]:
@@ -184,11 +184,11 @@ def setpoints_for(fitted: FittedModel, conditions: Conditions) -> tuple[float, f
     farthest of the profile.
     """
     profile, cooler = specification_of(conditions).profile, cools(fitted)
-    given, farthest = conditions.farthest_degC(cooler=cooler), min if cooler else max
+    setpoint, farthest = conditions.farthest_degC(cooler=cooler), min if cooler else max
     targets = [] if profile is None else [segment.target_degC for segment in profile.segments]
-    if given is None:
-        given = farthest(targets) if targets else default_setpoint(fitted)
-    return given, farthest([given, *targets])
+    if setpoint is None:
+        setpoint = farthest(targets) if targets else default_setpoint(fitted)
+    return setpoint, farthest([setpoint, *targets])
 
 
 def every_setpoint(fitted: FittedModel, conditions: Conditions) -> tuple[float, ...]:
@@ -319,12 +319,12 @@ def _remarks(
     if range_is_unknown(fitted, setpoints_degC):
         yield "the model does not contain the logged range (fit the log again)"
     if (delay := controller_for(words.target).delayed_s(words.scaling)) > 0.0:
-        own = words.target in (*GROUPS["printer"], *GROUPS["maker"])  # a thermistor and a pin, no module
-        yield f"dead time {delay:g} s longer, for the {'sensor reading and the output' if own else 'input module'}"
+        on_board = words.target in (*GROUPS["printer"], *GROUPS["maker"])  # a thermistor and a pin, no module
+        yield f"dead time {delay:g} s longer, for the {'sensor reading and the output' if on_board else 'input module'}"
     if (cooling := controller_for(words.target).cooling) is not None:
-        told = conditions.cooling_gain is not None
-        gain = f"{conditions.cooling_gain if told else cooling.gain(words):g} times that of the heater"
-        yield f"the power of the cooler was {'entered as' if told else 'taken from the parameters,'} {gain}"
+        is_stated = conditions.cooling_gain is not None
+        gain = f"{conditions.cooling_gain if is_stated else cooling.gain(words):g} times that of the heater"
+        yield f"the power of the cooler was {'entered as' if is_stated else 'taken from the parameters,'} {gain}"
     if words.sample_time_s < fitted.log_interval_s:
         yield f"TA {words.sample_time_s:g} s is below the log's interval of {fitted.log_interval_s:g} s"
 
@@ -377,8 +377,8 @@ class RunScreen:
         """Return it with the runs that proofs make of the open circuits after which they break a limit, too."""
         hardest = dict(self.nights)
         for name, proof in ((name, each) for each in proofs for name in wound(each.diagnostics)):
-            kept = hardest.get(name, ())
-            hardest[name] = (*kept, *(run for run in proof.nights[name] if run not in kept))
+            runs = hardest.get(name, ())
+            hardest[name] = (*runs, *(run for run in proof.nights[name] if run not in runs))
         return replace(self, nights={name: hardest[name] for name in sorted(hardest)})
 
     def with_shorter_outages(self) -> RunScreen:

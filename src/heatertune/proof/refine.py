@@ -84,10 +84,10 @@ def refine(
         drawn=None if promise is None else Open.of(
             loop_fit(fitted, choice.words.target, choice.words.scaling), promise.way))
     first = best = loop.run(choice.words, design)
-    seen = {tuple(choice.words.values.items())}
+    history = {tuple(choice.words.values.items())}
     for step in _STEPS:
         for _ in range(_MOST_ROUNDS):
-            tried = [loop.run(*near) for near in loop.around(best.design, step, seen)]
+            tried = [loop.run(*near) for near in loop.around(best.design, step, history)]
             better = min((t for t in tried if t.broken <= first.broken), key=lambda t: t.order, default=best)
             if better.order >= best.order:
                 break
@@ -97,11 +97,11 @@ def refine(
     if saved < WORTH and not mended:
         return choice.with_note(f"In the simulated loop no gains nearby cost {WORTH:.0%} less IAE, so the gains were "
                                 "not changed.")
-    kept = f"; {' and '.join(mended)} is kept now" if mended else ""
+    mended_text = f"; {' and '.join(mended)} is kept now" if mended else ""
     changes = (
         f"Refined in the loop of the proof, limits, anti-windup and PWM included: K by {_factor(best, first, 'gain')}, "
         f"TN by {_factor(best, first, 'time')}; the worst IAE of the scenario goes from {written(first.cost)} "
-        f"to {written(best.cost)} °C·s{kept}."
+        f"to {written(best.cost)} °C·s{mended_text}."
     )
     real = realised_as(best.words, fitted, choice.search.iae_load_wished)
     return replace(choice, words=best.words,

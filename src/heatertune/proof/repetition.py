@@ -58,12 +58,12 @@ def files_of(conditions: Conditions) -> dict[str, str]:
         DocumentError: one cannot be read.
     """
     spec, profile = conditions.spec, conditions.profile
-    asked: dict[str, object] = {}
+    contents: dict[str, object] = {}
     if spec is not None and spec.endswith(".toml"):
-        asked["spec"] = in_force(spec)
+        contents["spec"] = in_force(spec)
     if profile is not None:
-        asked["profile"] = read_profile(profile)
-    return {name: f"sha256:{hashlib.sha256(repr(content).encode()).hexdigest()}" for name, content in asked.items()}
+        contents["profile"] = read_profile(profile)
+    return {name: f"sha256:{hashlib.sha256(repr(content).encode()).hexdigest()}" for name, content in contents.items()}
 
 
 def demand_same_files(recipe: DesignProvenance, names: Collection[str], where: str) -> None:
@@ -72,12 +72,12 @@ def demand_same_files(recipe: DesignProvenance, names: Collection[str], where: s
     Raises:
         InputError: it asks for something else; as `files_of`.
     """
-    kept = recipe.conditions
-    now = files_of(Conditions(spec=None if "spec" in names else kept.spec,
-                              profile=None if "profile" in names else kept.profile))
+    conditions = recipe.conditions
+    now = files_of(Conditions(spec=None if "spec" in names else conditions.spec,
+                              profile=None if "profile" in names else conditions.profile))
     for name, digest in now.items():
         if recipe.files.get(name) != digest:
-            raise InputError(f"{where}: {getattr(kept, name)}, under which it was made, has changed since: say "
+            raise InputError(f"{where}: {getattr(conditions, name)}, under which it was made, has changed since: say "
                              f"--{name}, or design again")
 
 
@@ -126,9 +126,9 @@ def _ramp(words: Words, view: RampView) -> Ramp:
     """Return the very ramp, or, where the words' units are others now, the one that comes near it."""
     controller, ramp = controller_for(words.target), Ramp(step=view.step, calls=view.calls, hold=view.hold)
     same = replace(words, ramp=ramp)
-    held = controller.hold_degC(same)
+    hold = controller.hold_degC(same)
     as_told = math.isclose(controller.ramp_degC_per_min(same), view.degC_per_min) and (
-        held == view.hold_degC if held is None or view.hold_degC is None else math.isclose(held, view.hold_degC))
+        hold == view.hold_degC if hold is None or view.hold_degC is None else math.isclose(hold, view.hold_degC))
     if as_told:
         return ramp
     far = view.hold_degC if view.hold_degC is None or not ramp.cools else -view.hold_degC
@@ -229,16 +229,16 @@ def design_document(
     source = design or proof.design
     if source is None:
         return None
-    scaling, kept = proof.words.scaling, recorded_conditions(conditions)
-    base = recipe or DesignProvenance(target=proof.words.target, conditions=kept)
+    scaling, record = proof.words.scaling, recorded_conditions(conditions)
+    base = recipe or DesignProvenance(target=proof.words.target, conditions=record)
     base = replace(
-        base, target=proof.words.target, range_degC=scaling.sensor_degC, input=scaling.input, conditions=kept,
-        setpoint_ramp=proof.setpoint_ramp, boost=proof.boost, files=files_of(kept), way_on=None)
+        base, target=proof.words.target, range_degC=scaling.sensor_degC, input=scaling.input, conditions=record,
+        setpoint_ramp=proof.setpoint_ramp, boost=proof.boost, files=files_of(record), way_on=None)
     document = pid_document(source, fitted, base)
     # as it will be read: a number that its text does not hold exactly makes other words
     again, kept_recipe = parts_of(document)
-    made = repeat_words(again, fitted, kept_recipe or base).words
-    return document if _same_words(made, proof.words) else None
+    new_words = repeat_words(again, fitted, kept_recipe or base).words
+    return document if _same_words(new_words, proof.words) else None
 
 
 def demand_consistent(folder: str | Path, documents: Mapping[str, Document]) -> None:
@@ -305,14 +305,14 @@ def _demand_words(
     where: Path
 ) -> None:
     """Refuse words that the design does not make, or that their document describes as others."""
-    made = repeat_words(design, fitted, recipe).words
-    if not _same_words(made, words):
-        other = next((f"words.{name}: {value:.9g}; the design makes it {made.values[name]:.9g}"
-                      for name, value in words.values.items() if made.values[name] != value),
-                     "TA, sensor range, ramp or boost: the design makes others")
-        raise DocumentError(f"{where}: {other}: they were changed; {_way_on(words)}")
+    design_words = repeat_words(design, fitted, recipe).words
+    if not _same_words(design_words, words):
+        difference = next((f"words.{name}: {value:.9g}; the design makes it {design_words.values[name]:.9g}"
+                           for name, value in words.values.items() if design_words.values[name] != value),
+                          "TA, sensor range, ramp or boost: the design makes others")
+        raise DocumentError(f"{where}: {difference}: they were changed; {_way_on(words)}")
     expected = [(field.name, field.address, field.comment) for field in controller_for(words.target).fields]
-    described = [(one["name"], one["address"], one["comment"]) for one in document.get("fields", ())]
+    described = [(entry["name"], entry["address"], entry["comment"]) for entry in document.get("fields", ())]
     if described and described != expected:
         raise DocumentError(f"{where}: fields: others than those of {words.target}; {_way_on(words)}")
 
@@ -400,12 +400,12 @@ def _short(value: object) -> str:
 
 def _with_sentences(again: Document, stored: Document, path: Path) -> dict[str, Any]:
     """Return a repeated proof with the sentences of the stored one, which must not lack any of its own."""
-    kept: dict[str, Any] = dict(again)
+    result: dict[str, Any] = dict(again)
     for name in _SENTENCES:
-        own, others = list(again[name]), list(stored[name])
-        if missing := [sentence for sentence in own if sentence not in others]:
+        sentences, others = list(again[name]), list(stored[name])
+        if missing := [sentence for sentence in sentences if sentence not in others]:
             raise DocumentError(f"{path}: {name}: without {missing[0]!r}: prove the words again")
         if odd := [sentence for sentence in others if not sentence.isprintable()]:
             raise DocumentError(f"{path}: {name}: {odd[0][:40]!r}: expected one line")
-        kept[name] = others
-    return with_digest(kept)
+        result[name] = others
+    return with_digest(result)

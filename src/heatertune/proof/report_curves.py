@@ -42,15 +42,15 @@ def trace_series(trace: Trace, label: str) -> dict[str, Any]:
 
     The setpoint that was followed is at the instants of the power asked for, and None where it never moved.
     """
-    time, asked, edges = _instants(trace), _changing(trace), _edges(trace)
+    time, scans, edges = _instants(trace), _changing(trace), _edges(trace)
     return {
         "label": label,
         "setpoint_degC": trace.setpoint_degC,
         "time_s": np.round(time, 2),
         "temperature_degC": np.round(trace.temperature_at(time), 3),
-        "followed_degC": np.round(trace.followed_degC[asked], 3) if np.ptp(trace.followed_degC) > 0.0 else None,
-        "request_time_s": np.round(trace.time_s[asked], 3),
-        "request_pct": np.round(trace.power_asked_pct[asked], 3),
+        "followed_degC": np.round(trace.followed_degC[scans], 3) if np.ptp(trace.followed_degC) > 0.0 else None,
+        "request_time_s": np.round(trace.time_s[scans], 3),
+        "request_pct": np.round(trace.power_asked_pct[scans], 3),
         "edge_s": np.round(trace.edge_time_s[edges], 3),
         "edge_pct": trace.edge_pct[edges],
     }
@@ -71,12 +71,12 @@ def _changing(trace: Trace) -> npt.NDArray[np.intp]:
     if len(trace.time_s) <= _MANY:
         return np.arange(len(trace.time_s))
     power, followed = trace.power_asked_pct.tolist(), trace.followed_degC.tolist()
-    kept, last = [0], (power[0], followed[0])
+    scans, last = [0], (power[0], followed[0])
     for scan, now in enumerate(zip(power, followed, strict=True)):
         if abs(now[0] - last[0]) > _SEEN_PCT or now[1] != last[1]:
-            kept.append(scan)
+            scans.append(scan)
             last = now
-    return np.unique([*kept, *range(0, len(power), _EVERY), len(power) - 1])
+    return np.unique([*scans, *range(0, len(power), _EVERY), len(power) - 1])
 
 
 def _edges(trace: Trace) -> npt.NDArray[np.intp]:
@@ -173,12 +173,12 @@ def _step(p: _Law, s: _IdealState, setpoint: float, reading: float, _begins: boo
     if (error if p.gain > 0.0 else -error) > (p.again if s.enabled else p.within):
         return _IdealState(0.0, 0.0, error, False), 100.0, 100.0, 0
     filtered = p.past * s.filtered + p.derivative * (error - s.error)
-    wanted = p.gain * (error + s.summed + p.integral * error + filtered)
-    power = min(100.0, max(-100.0 * p.cooling, wanted))
+    demand = p.gain * (error + s.summed + p.integral * error + filtered)
+    power = min(100.0, max(-100.0 * p.cooling, demand))
     summed = s.summed
-    if power == wanted or (wanted - power) * p.gain * error < 0.0:
+    if power == demand or (demand - power) * p.gain * error < 0.0:
         summed += p.integral * error
-    return _IdealState(summed, filtered, error, True), power if power >= 0.0 else power / p.cooling, wanted, 0
+    return _IdealState(summed, filtered, error, True), power if power >= 0.0 else power / p.cooling, demand, 0
 
 
 def _as_it_is(_sensor: float, temperature_degC: float) -> float:

@@ -121,13 +121,13 @@ def propose_period(
         wears or tick_s == tick_for(tick_s, sample_time_s=sample_time_s, pwm_period_s=period))]
     period = calm[0 if wears else -1] if calm else periods[-1]
     waves = ripple(period)
-    told = f"PWM period {period:.4g} s for a {switch.name}: ripple {waves:.2g} °C peak to peak at {setpoint_degC:g} °C"
+    text = f"PWM period {period:.4g} s for a {switch.name}: ripple {waves:.2g} °C peak to peak at {setpoint_degC:g} °C"
     if waves > ripple_degC_most:
-        told += f", above the {ripple_degC_most:.2g} °C wanted; a shorter period would take a faster TA or finer steps"
+        text += f", above the {ripple_degC_most:.2g} °C wanted; a shorter period would take a faster TA or finer steps"
     if wears:
-        told += (f"; {3600.0 / period:.0f} switchings an hour, so contacts made for {switch.life:,.0f} last "
+        text += (f"; {3600.0 / period:.0f} switchings an hour, so contacts made for {switch.life:,.0f} last "
                  f"{life(kind, 3600.0 / period)}")
-    return PwmPeriod(period_s=period, ripple_degC=waves, summary=f"{told}.")
+    return PwmPeriod(period_s=period, ripple_degC=waves, summary=f"{text}.")
 
 
 def life(kind: str, switchings_per_h: float) -> str:

@@ -166,7 +166,7 @@ def measure_runs(  # noqa: PLR0913 - what differs from loop to loop stands in ar
         ValueError: noise or delay of fewer scans than there are: compiled code would read what lies behind them.
     """
     scans, period, count = scans_of(controller, scenario), actuator.pwm_period_s, len(rows)
-    if shorter := [given.shape[1] for given in (noise_degC, late_s) if 1 < given.shape[1] < scans]:
+    if shorter := [array.shape[1] for array in (noise_degC, late_s) if 1 < array.shape[1] < scans]:
         raise ValueError(f"noise_degC, late_s: of {scans} scans, got {shorter[0]}")
     dead = rows[:, 3].tolist()
     meter, phases = meter_for(scenario, limits, end_s=(scans - 1) * controller.scan_s, period_s=period, loops=count,
@@ -182,8 +182,8 @@ def measure_runs(  # noqa: PLR0913 - what differs from loop to loop stands in ar
         edges = np.empty(ring_size(pulses_of(max(dead) + 3.0 * controller.scan_s + period, actuator)))  # under way
         none = np.empty(0)
         record = TraceArrays(False, none, none, none, none, np.empty(0, dtype=np.int64), none, none, none, none)
-        given = (program, batch, actuator.switches, np.inf, edges, record, meter)
-        run_with(controller, given, 2 * count * scans, ahead=2 * ahead * scans)  # plain, a measured scan takes two
+        arguments = (program, batch, actuator.switches, np.inf, edges, record, meter)
+        run_with(controller, arguments, 2 * count * scans, ahead=2 * ahead * scans)  # plain, a measured scan takes two
     return table_from(meter, phases, scenario, rows)
 
 
@@ -413,18 +413,18 @@ class Runs:
     ) -> list[_Judged]:
         """Return the criteria of some runs, those of a search from where they are kept; arguments as `_measured`."""
         count_scans(len(runs) * self.scans)
-        kept = _judged.get()
-        if kept is None:
+        cache = _judged.get()
+        if cache is None:
             return self._measured(runs, seeds, tell)
         same = repr(self.words), self.scenario, self.actuator, self.limits, self.start
         keys = [(*same, self.label(run), tuple(self.cases[run][2].items()), self.cases[run][1], seed)
                 for run, seed in zip(runs, seeds or [self.scenario.seed] * len(runs), strict=True)]
-        new = [place for place, key in enumerate(keys) if key not in kept]
+        new = [place for place, key in enumerate(keys) if key not in cache]
         if new:
-            found = self._measured([runs[place] for place in new], [seeds[place] for place in new] if seeds else (),
-                                   lambda done: tell(len(runs) - len(new) + done))
-            kept |= zip([keys[place] for place in new], found, strict=True)
-        return [kept[key] for key in keys]
+            results = self._measured([runs[place] for place in new], [seeds[place] for place in new] if seeds else (),
+                                     lambda done: tell(len(runs) - len(new) + done))
+            cache |= zip([keys[place] for place in new], results, strict=True)
+        return [cache[key] for key in keys]
 
     def _measured(
         self, runs: Sequence[int], seeds: Sequence[int] = (), tell: Callable[[int], object] = int,
@@ -451,8 +451,8 @@ class Runs:
         shared = self.loops[0].core.compiles and len(once) * self.scans > _SHARED
         workers = processors() if shared else 1
         parts, measured = self._parts(list(once.values()), workers), list[CriterionTable]()
-        for part, found in zip(parts, threaded_map(run, parts, workers), strict=True):
-            measured.append(found)
+        for part, table in zip(parts, threaded_map(run, parts, workers), strict=True):
+            measured.append(table)
             tell(len(runs) - part.ahead)
         back = dict(zip(once, np.argsort(np.concatenate([part.places for part in parts])), strict=True))
         columns = columns_of(reorder(join_tables(measured), np.array([back[key] for key in keys])), self.limits)

@@ -223,10 +223,10 @@ class Scenario:
     @property
     def setpoints_degC(self) -> tuple[float, ...]:
         """The setpoint of each phase [°C]."""
-        asked = [self.setpoint_degC]
+        targets = [self.setpoint_degC]
         for event in self.disturbances:
-            asked.append(event.setpoint_degC if isinstance(event, NewSetpoint | SetpointRampEvent) else asked[-1])
-        return tuple(asked)
+            targets.append(event.setpoint_degC if isinstance(event, NewSetpoint | SetpointRampEvent) else targets[-1])
+        return tuple(targets)
 
     @property
     def lower_setpoint_degC(self) -> float | None:
@@ -315,9 +315,9 @@ def phases_of(scenario: Scenario, end_s: float, first_rest_s: float) -> tuple[Ph
     last = [end - rest for end, rest in zip(ends, scenario.rests_s, strict=False)]
     rests, limits = (last, last) if last else ([first_rest_s, *ends[1:]], ends)
     return tuple(
-        Phase(begin_s=begin, end_s=end, rest_s=min(max(begin, rest), end), limit_s=limit - begin, setpoint_degC=asked,
+        Phase(begin_s=begin, end_s=end, rest_s=min(max(begin, rest), end), limit_s=limit - begin, setpoint_degC=target,
               kind=kind, up=up, by_power=by_power)
-        for begin, end, rest, limit, asked, (kind, up, by_power) in zip(
+        for begin, end, rest, limit, target, (kind, up, by_power) in zip(
             begins, ends, rests, limits, scenario.setpoints_degC, kinds_of(scenario), strict=True))
 
 
@@ -339,7 +339,7 @@ def event_name(event: Disturbance | None) -> str:
 def kinds_of(scenario: Scenario) -> Iterator[tuple[str, bool, bool]]:
     """Return kind and direction of each phase, and whether the direction is that of the power, see `Phase`."""
     yield "heat-up", True, True
-    asked, supplied, mains = scenario.setpoints_degC, scenario.supplied, scenario.mains
+    setpoints, supplied, mains = scenario.setpoints_degC, scenario.supplied, scenario.mains
     for number, event in enumerate(scenario.disturbances):
         if not supplied[number + 1] or mains[number + 1] == 0.0:
             yield "off", False, True
@@ -351,7 +351,7 @@ def kinds_of(scenario: Scenario) -> Iterator[tuple[str, bool, bool]]:
             yield "off", False, True
         elif isinstance(event, NewSetpoint):
             kind = "reheat" if _goes_on(scenario, number - 1) else "small-change" if event.small else "change"
-            yield kind, asked[number + 1] > asked[number], False
+            yield kind, setpoints[number + 1] > setpoints[number], False
         elif isinstance(event, Mains):
             yield "reheat" if mains[number] == 0.0 else "recovery", mains[number + 1] > mains[number], True
         elif isinstance(event, TemperatureStep):
@@ -387,14 +387,14 @@ def conditions(
     """
     ambient = _ambient(scenario, model)
     top = top_degC(model, ambient)
-    above, below, called = (">", "<", "heater") if model.gain_degC_per_pct > 0.0 else ("<", ">", "cooler")
+    above, below, device = (">", "<", "heater") if model.gain_degC_per_pct > 0.0 else ("<", ">", "cooler")
     for setpoint in scenario.held_setpoints_degC if held_degC is None else held_degC:
         if not can_hold(model, setpoint, ambient):
             rule = (
                 f"{above} {ambient:g} (ambient) and {below} {top:g} (ambient + 100 % · {model.gain_degC_per_pct:g} "
-                f"°C/%), or this {called} cannot hold it"
+                f"°C/%), or this {device} cannot hold it"
             ) if model.loss is None else (
-                f"{above} {ambient:g} (ambient) and {below} {top:.4g} (100 % on its loss curve), or this {called} "
+                f"{above} {ambient:g} (ambient) and {below} {top:.4g} (100 % on its loss curve), or this {device} "
                 "cannot hold it"
             )
             raise OutOfRange("setpoint_degC", setpoint, rule)

@@ -85,8 +85,8 @@ def prove_ramped(
         InputError: a ramp for a controller that has none, or as `prove`.
         OutOfRange, UnknownName: as `prove`; a rate that the controller cannot have.
     """
-    proof, told = _ramped(words, fitted, ramp, conditions, plain, sums_up if gains_open else winds_up, progress)
-    return as_exported(proof) if text else proof, told
+    proof, notes = _ramped(words, fitted, ramp, conditions, plain, sums_up if gains_open else winds_up, progress)
+    return as_exported(proof) if text else proof, notes
 
 
 def boosts(words: Words, screen: RunScreen, conditions: Conditions) -> Iterator[Boost]:
@@ -181,9 +181,9 @@ def _cheapest(search: _Search, broken: set[str]) -> Proof | None:
     side = -1.0 if cools(search.fitted_model) else 1.0
     band = band_of(search.plain.limits, search.plain.nominal.resolution_degC)
     for holds in _HOLDS:
-        held, wound_up = _soonest([replace(search, hold_degC=side * times * band) for times in holds])
-        if held is not None and (not wound_up or search.sum_ends(held, wound_up)):
-            return held
+        soonest, wound_up = _soonest([replace(search, hold_degC=side * times * band) for times in holds])
+        if soonest is not None and (not wound_up or search.sum_ends(soonest, wound_up)):
+            return soonest
         wound = wound or next(iter(wound_up), None)
     return wound or free
 
@@ -212,9 +212,9 @@ def _soonest(searches: Sequence[_Search]) -> tuple[Proof | None, list[Proof]]:
 
 def _fastest(search: _Search, broken: set[str]) -> Proof | None:
     """Return the proof with the fastest ramp that mends all it can mend, else with the fastest that mends overshoot."""
-    kept = OVERSHOOTS | _LEFT_BEHIND
-    wanted = [kept, OVERSHOOTS] if broken & _LEFT_BEHIND and broken & OVERSHOOTS else [kept & (broken | OVERSHOOTS)]
-    searches = (replace(search, kept_limits=names) for names in wanted)
+    union = OVERSHOOTS | _LEFT_BEHIND
+    groups = [union, OVERSHOOTS] if broken & _LEFT_BEHIND and broken & OVERSHOOTS else [union & (broken | OVERSHOOTS)]
+    searches = (replace(search, kept_limits=names) for names in groups)
     return next((ramped for search in searches if (ramped := search.fastest()) is not None), None)
 
 
@@ -234,11 +234,11 @@ def _price_text(plain: Proof, ramped: Proof) -> str:
 
     others = ramped.broken_criteria
     fails = f" {' and '.join(others)} fails with it." if others else ""
-    held = f", which follows the reading within {ramped.hold_degC:.3g} °C," if ramped.hold_degC is not None else ""
-    opened = f", after an open circuit {change('reheat_overshoot', '% of the rise')}" if held else ""
+    holdback = f", which follows the reading within {ramped.hold_degC:.3g} °C," if ramped.hold_degC is not None else ""
+    opened = f", after an open circuit {change('reheat_overshoot', '% of the rise')}" if holdback else ""
     rise = "% of the rise"
     return (
-        f"a setpoint ramp of {ramped.ramp_degC_per_min:.3g} °C/min ({ramped.words.ramp}){held} the worst overshoot "
+        f"a setpoint ramp of {ramped.ramp_degC_per_min:.3g} °C/min ({ramped.words.ramp}){holdback} the worst overshoot "
         f"goes {change('overshoot', rise)}{opened}, and the worst settling time {change('settling_time', 's')}. The "
         f"gains are the same: after the disturbance the worst deviation goes {change('deviation', '°C')}, the recovery "
         f"time {change('recovery_time', 's')}.{fails}"

@@ -132,17 +132,17 @@ class Specification:
         Args:
             heater_s: lags and dead time of the slowest plausible heater [s].
         """
-        given: dict[str, float | None] = {
+        by_field: dict[str, float | None] = {
             measure.field: None for kind in LIMITS.values() for measure in kind.units.values() if not kind.is_required}
         for name, values in self.limits.items():
             for value in values:
                 number, unit = quantity(name, value)
                 measure = LIMITS[name].units[unit]
-                wanted = number * (heater_s if unit == "T+L" else measure.factor)
-                before = given.get(measure.field)
+                limit = number * (heater_s if unit == "T+L" else measure.factor)
+                before = by_field.get(measure.field)
                 tighter = max if LIMITS[name].at_least else min
-                given[measure.field] = wanted if before is None else tighter(before, wanted)
-        return LoopLimits(**given)  # type: ignore[arg-type]  # the fields are named in LIMITS
+                by_field[measure.field] = limit if before is None else tighter(before, limit)
+        return LoopLimits(**by_field)  # type: ignore[arg-type]  # the fields are named in LIMITS
 
     def story_at(self, setpoint_low_degC: float | None) -> TestSequence:
         """Return what words have to live through.
@@ -168,14 +168,14 @@ def limits_from(texts: Iterable[str]) -> dict[str, tuple[str, ...]]:
         InputError: no "=", or nothing together with a value.
         UnknownName: no such limit.
     """
-    given: dict[str, list[str]] = {}
+    by_name: dict[str, list[str]] = {}
     for text in texts:
         name, equals, value = (part.strip() for part in text.partition("="))
         if not equals:
             raise InputError(f"--limit {text!r} has no value; expected NAME=VALUE, such as overshoot=5%")
         limit_of(name)
-        given.setdefault(name, []).append(value)
-    return {name: split(name, values) for name, values in given.items()}
+        by_name.setdefault(name, []).append(value)
+    return {name: split(name, values) for name, values in by_name.items()}
 
 
 def split(name: str, values: Sequence[str]) -> tuple[str, ...]:
@@ -229,8 +229,8 @@ def quantity(name: str, text: str) -> tuple[float, str]:
         raise InputError(f"limit {name} is {text!r}; expected {expected}, such as {LIMITS[name].example!r}")
     unit = _SPELLINGS.get(spelled[2], spelled[2])
     if unit not in units:
-        given = f"the unit {spelled[2]!r}" if spelled[2] else "no unit"
-        raise InputError(f"limit {name} is {text!r}, with {given}; expected {expected}")
+        unit_text = f"the unit {spelled[2]!r}" if spelled[2] else "no unit"
+        raise InputError(f"limit {name} is {text!r}, with {unit_text}; expected {expected}")
     number = float(spelled[1])
     try:
         check(name, number, least=LIMITS[name].least)
@@ -365,8 +365,8 @@ def _asks_less(name: str, own: Sequence[str], usual: str, rise_degC: float) -> b
     number, unit = quantity(name, usual)
     sign = -1.0 if LIMITS[name].at_least else 1.0
     values = [_in_unit(name, value, its, unit, rise_degC) for value, its in (quantity(name, each) for each in own)]
-    known = [sign * value for value in values if value is not None]
-    return not known or min(known) > sign * number + _ROUNDING * abs(number)
+    limits = [sign * value for value in values if value is not None]
+    return not limits or min(limits) > sign * number + _ROUNDING * abs(number)
 
 
 def _in_unit(name: str, value: float, unit: str, wanted: str, rise_degC: float) -> float | None:
@@ -434,8 +434,8 @@ def highest_temperature(conditions: Conditions) -> float | None:
     Raises:
         InputError, UnknownName: as `in_force`.
     """
-    named = (specification_of(conditions).limits_for(1.0).peak_degC, conditions.limit_degC)
-    return min((limit for limit in named if limit is not None), default=None)
+    limits = (specification_of(conditions).limits_for(1.0).peak_degC, conditions.limit_degC)
+    return min((limit for limit in limits if limit is not None), default=None)
 
 
 def in_force(spec: str | None = None, limits: Sequence[str] = (), profile: str | None = None) -> Specification:
@@ -452,8 +452,8 @@ def in_force(spec: str | None = None, limits: Sequence[str] = (), profile: str |
         InputError, OutOfRange: as `limits_from` and `Specification`.
     """
     limits = tuple(limits)
-    begun = _of_preset(spec or GENERAL, limits) if spec is None or spec in PRESETS else _limited(_of_file(spec), limits)
-    return begun if profile is None else replace(begun, profile=read_profile(profile))
+    base = _of_preset(spec or GENERAL, limits) if spec is None or spec in PRESETS else _limited(_of_file(spec), limits)
+    return base if profile is None else replace(base, profile=read_profile(profile))
 
 
 @cache
@@ -481,19 +481,19 @@ def read_spec(path: str | Path) -> Specification:
     for name in document:
         if name not in _TABLES:
             raise DocumentError(f"{path}: {name}: no such table; expected {' or '.join(_TABLES)}")
-    base, given, story = document.get("preset", GENERAL), document.get("limits", {}), document.get("story", {})
-    for name, value, kind in (("preset", base, str), ("limits", given, dict), ("story", story, dict)):
+    base, limits, story = document.get("preset", GENERAL), document.get("limits", {}), document.get("story", {})
+    for name, value, kind in (("preset", base, str), ("limits", limits, dict), ("story", story, dict)):
         if not isinstance(value, kind):
             raise DocumentError(f"{path}: {name}: expected a {'text' if kind is str else 'table'}")
-    begun = _at(f"{path}: preset", partial(preset, base))
-    own = {name: _at(f"{path}: limits.{name}", partial(_own_limit, begun, name, value))
-           for name, value in given.items()}
-    parts = {name: _at(f"{path}: story.{name}", partial(_own_part, begun, name, value))
+    start = _at(f"{path}: preset", partial(preset, base))
+    changes = {name: _at(f"{path}: limits.{name}", partial(_own_limit, start, name, value))
+               for name, value in limits.items()}
+    parts = {name: _at(f"{path}: story.{name}", partial(_own_part, start, name, value))
              for name, value in story.items()}
     return Specification(
-        name=Path(path).name, limits={**begun.limits, **own}, story={**begun.story, **parts},
+        name=Path(path).name, limits={**start.limits, **changes}, story={**start.story, **parts},
         profile=_profile(Path(path), document.get("profile")), base=None if base == GENERAL else base,
-        reasons={name: why for name, why in begun.reasons.items() if own.get(name) in (None, begun.limits[name])})
+        reasons={name: why for name, why in start.reasons.items() if changes.get(name) in (None, start.limits[name])})
 
 
 def _at(place: str, read: Callable[[], _T]) -> _T:

@@ -433,9 +433,9 @@ class _SequenceBuilder:
     @cached_property
     def heating_load_pct(self) -> float:
         """The load that heats so that the cooler has to hold the setpoint of every heater; 0: none."""
-        held = self._held_pct()
-        cooled = min(self.story.load_pct, 100.0 * self.loop.cooling_gain - RESERVE_PCT - (max(held) - min(held)))
-        return max(held) + cooled if cooled > 0.0 else 0.0
+        powers = self._held_pct()
+        cooled = min(self.story.load_pct, 100.0 * self.loop.cooling_gain - RESERVE_PCT - (max(powers) - min(powers)))
+        return max(powers) + cooled if cooled > 0.0 else 0.0
 
     @cached_property
     def low_degC(self) -> float | None:

@@ -65,25 +65,25 @@ def as_exported(proof: Proof) -> Proof:
     """
     if proof.verdict != "PASS":
         return proof
-    controller, heard = controller_for(proof.words.target), proof.diagnostics
-    if controller.faults is not None and (known := controller.faults(proof.words)):
-        proof = proof.with_findings([Finding(name="known-faults", message=known[0])])
-        heard = proof.diagnostics
+    controller, basis = controller_for(proof.words.target), proof.diagnostics
+    if controller.faults is not None and (faults := controller.faults(proof.words)):
+        proof = proof.with_findings([Finding(name="known-faults", message=faults[0])])
+        basis = proof.diagnostics
     runs = {proof.runs[run].label: proof.trace(run) for run in dict.fromkeys((0, proof.worst_run))}
     departs, not_run = load_or_compute(
         "text", {"words": repr(proof.words), "known": dict(proof.stated_settings),
                  "runs": {label: _digest(trace) for label, trace in runs.items()}},
         lambda: _all_compared(controller, proof, runs)._asdict(),
         lambda state: ComparisonResult(state["departs"], tuple(state["not_run"])))
-    found = () if departs is None else (Finding(name="exported-text", message=departs),)
-    not_tested = tuple(dict.fromkeys((*heard.not_tested, *not_run)))
-    return replace(proof, diagnostics=replace(heard, findings=(*heard.findings, *found), not_tested=not_tested))
+    findings = () if departs is None else (Finding(name="exported-text", message=departs),)
+    not_tested = tuple(dict.fromkeys((*basis.not_tested, *not_run)))
+    return replace(proof, diagnostics=replace(basis, findings=(*basis.findings, *findings), not_tested=not_tested))
 
 
 def _digest(trace: Trace) -> str:
     """Return a digest of all in a run that the text is compared with."""
-    told = repr((trace.model, trace.scenario, trace.actuator, dict(trace.switches), trace.interlock, trace.cut_s))
-    digest = hashlib.sha256(told.encode())
+    content = repr((trace.model, trace.scenario, trace.actuator, dict(trace.switches), trace.interlock, trace.cut_s))
+    digest = hashlib.sha256(content.encode())
     for column in (trace.time_s, trace.reading_degC, trace.followed_degC, trace.power_asked_pct, trace.edge_time_s,
                    trace.edge_pct):
         digest.update(column.tobytes())
@@ -119,9 +119,9 @@ def compare_text(
     pulses = {} if pulses is None else pulses
     if controller.load_exported is None or trace.scenario.leads:
         return ComparisonResult()
-    told = Certificate(
+    certificate = Certificate(
         verdict="PASS", setpoint_degC=trace.setpoint_degC, actuator=trace.actuator, switches=stated or {})
-    loads = controller.load_exported(controller.export(words, told),
+    loads = controller.load_exported(controller.export(words, certificate),
                                      assumptions_from(controller.assumptions, trace.switches))
     not_run: dict[str, None] = {}
     for file, load in loads.items():
@@ -142,13 +142,13 @@ def compare_text(
 
 def _set_otherwise(text: TextSettings, words: Words, trace: Trace) -> str | None:
     """Return what a text sets other than a run had it; with the same settings, the same program makes the same run."""
-    held: list[tuple[str, object, object]] = [
+    settings: list[tuple[str, object, object]] = [
         (name, text.values[name], value) for name, value in words.values.items() if name in text.values]
-    if len(held) == len(words.values):
-        held.append(("boost", text.boost, words.boost))
+    if len(settings) == len(words.values):
+        settings.append(("boost", text.boost, words.boost))
     if text.setpoint_degC is not None:
-        held.append(("setpoint [°C]", text.setpoint_degC, trace.setpoint_degC))
-    for name, there, proven in held:
+        settings.append(("setpoint [°C]", text.setpoint_degC, trace.setpoint_degC))
+    for name, there, proven in settings:
         if there != proven:
             return f"{name} is {there}; proven is {proven}"
     names = "PWM period", "step of the PWM", "shortest pulse", "shortest pause"
@@ -234,17 +234,17 @@ class _Comparison:
 
     def _of_some(self, calls: _CallRecord) -> str | None:
         """Compare calls between which the supply stays."""
-        made = self._text.calls(calls.inputs)
-        if made is not None:
-            self._powers.update(zip(made.outputs.tolist(), made.powers_pct.tolist(), strict=True))
-            return self._first(calls, made)
+        outputs = self._text.calls(calls.inputs)
+        if outputs is not None:
+            self._powers.update(zip(outputs.outputs.tolist(), outputs.powers_pct.tolist(), strict=True))
+            return self._first(calls, outputs)
         powers, call, zero, unit = self._powers, self._text.call, self._loop.zero_degC, self._loop.unit_degC
-        for seen in calls.one_by_one():
-            _, asked, counts, reading, followed, proven = seen
-            setpoint, output, power = called = call(asked, counts, reading)
+        for entry in calls.one_by_one():
+            _, request, counts, reading, followed, proven = entry
+            setpoint, output, power = result = call(request, counts, reading)
             powers[output] = power
             if zero + unit * setpoint != followed or power != proven:
-                return self._difference_of(seen, called)
+                return self._difference_of(entry, result)
         return None
 
     def _of_ticks(self) -> str | None:
@@ -271,23 +271,23 @@ class _Comparison:
 
     def _of_clock(self, calls: _CallRecord, per_call: int) -> str | None:
         text, trace = self._text, self._trace
-        seen = calls.some(np.repeat(np.arange(len(calls.time_s)), per_call))
-        if not len(seen.time_s):
+        record = calls.some(np.repeat(np.arange(len(calls.time_s)), per_call))
+        if not len(record.time_s):
             return None
         ticks = np.tile(np.arange(per_call), len(calls.time_s))
-        edges = np.searchsorted(trace.edge_time_s, seen.time_s + (ticks + 0.5) * text.tick_s) - 1
+        edges = np.searchsorted(trace.edge_time_s, record.time_s + (ticks + 0.5) * text.tick_s) - 1
         proven = (edges >= 0) & np.array(trace.edge_on, dtype=bool)[edges] if len(trace.edge_on) else edges >= 0
-        at_once = text.ticks(seen.inputs)
+        at_once = text.ticks(record.inputs)
         if at_once is not None:
             switches = False if at_once.on is None else at_once.on != proven
-            return self._first(seen, at_once, switches, ticks)
+            return self._first(record, at_once, switches, ticks)
         zero, unit = self._loop.zero_degC, self._loop.unit_degC
-        for each, tick, wanted in zip(seen.one_by_one(), ticks.tolist(), proven.tolist(), strict=True):
-            time_s, asked, counts, reading, followed, power = each
-            made, on = text.tick(asked, counts, reading)
-            if zero + unit * made.setpoint != followed or made.power_pct != power:
-                return self._difference_of(each, made)
-            if on is not None and on != wanted:
+        for entry, tick, expected in zip(record.one_by_one(), ticks.tolist(), proven.tolist(), strict=True):
+            time_s, request, counts, reading, followed, power = entry
+            result, on = text.tick(request, counts, reading)
+            if zero + unit * result.setpoint != followed or result.power_pct != power:
+                return self._difference_of(entry, result)
+            if on is not None and on != expected:
                 return self._switched(time_s, tick)
         return None
 
@@ -300,13 +300,13 @@ class _Comparison:
     ) -> str | None:
         """Return what is other first, where all was run at once; `switches`: or where it switches otherwise."""
         followed = self._loop.zero_degC + self._loop.unit_degC * outputs.setpoints
-        other = (followed != record.followed_degC) | (outputs.powers_pct != record.power_pct) | switches
-        if not other.any():
+        differs = (followed != record.followed_degC) | (outputs.powers_pct != record.power_pct) | switches
+        if not differs.any():
             return None
-        first = int(np.argmax(other))
+        first = int(np.argmax(differs))
         call, = record.some(slice(first, first + 1)).one_by_one()
-        called = CallResult(*(each[first].item() for each in (outputs.setpoints, outputs.outputs, outputs.powers_pct)))
-        return self._difference_of(call, called) or self._switched(call.time_s, int(ticks[first]))
+        result = CallResult(*(each[first].item() for each in (outputs.setpoints, outputs.outputs, outputs.powers_pct)))
+        return self._difference_of(call, result) or self._switched(call.time_s, int(ticks[first]))
 
     def _difference_of(self, call: _Call, result: CallResult) -> str | None:
         """Return what the program follows or asks for other than the run at this call."""
@@ -341,9 +341,9 @@ class _Comparison:
         looked = outputs if counts else sorted(ticked)
         proven = [_ticks_on(output, powers[output], actuator) for output in looked]
         lengths = [length if output in ticked else 1 for output in looked]
-        for output, wanted, (counted, on) in zip(looked, proven, self._periods(looked, period, lengths), strict=True):
-            made = [(counted, wanted), *([(on, [min(each, length) for each in wanted])] if output in ticked else [])]
-            for ticks_on, right in made:
+        for output, nominal, (counted, on) in zip(looked, proven, self._periods(looked, period, lengths), strict=True):
+            pairs = [(counted, nominal), *([(on, [min(each, length) for each in nominal])] if output in ticked else [])]
+            for ticks_on, right in pairs:
                 if ticks_on is not None and all(abs(ticks_on - each) > _OF_A_TICK for each in right):
                     return f"{ticks_on:g} ticks of a period are on at {powers[output]:.6g} %; proven are {right[0]:g}"
         if not counts and len(ticked) < len(outputs):

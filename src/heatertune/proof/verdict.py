@@ -149,12 +149,12 @@ def combined_verdict(verdicts: Iterable[str]) -> str:
     Raises:
         InputError: there is none, or something else than a verdict.
     """
-    heard = set(verdicts)
-    if not heard:
+    values = set(verdicts)
+    if not values:
         raise InputError("a verdict needs at least one run")
-    if others := sorted(map(repr, heard - {"PASS", NOT_PROVEN, "FAIL"})):
+    if others := sorted(map(repr, values - {"PASS", NOT_PROVEN, "FAIL"})):
         raise InputError(f"verdict: expected PASS, {NOT_PROVEN} or FAIL, got {', '.join(others)}")
-    return "FAIL" if "FAIL" in heard else NOT_PROVEN if NOT_PROVEN in heard else "PASS"
+    return "FAIL" if "FAIL" in values else NOT_PROVEN if NOT_PROVEN in values else "PASS"
 
 
 def verdict_of_samples(count: int, quantile: float, passing_counts: Sequence[int]) -> str:
@@ -208,9 +208,9 @@ def _head(proof: Document) -> str:
 def closing_text(finding: Document, proof: Document, between: str = "; ") -> str:
     """Return what a finding of a proof's document leaves open and what closes it; `between`: the two."""
     name, kind = finding["name"], KINDS[finding["name"]]
-    said = finding["message"].rstrip(".") if kind.by_case else kind.short
-    remedy = remedy_of(name, [other["name"] for other in proof["findings"]])
-    return f"{said}{between}{remedy}, or --accept {name}"
+    cause = finding["message"].rstrip(".") if kind.by_case else kind.short
+    remedy = remedy_of(name, [entry["name"] for entry in proof["findings"]])
+    return f"{cause}{between}{remedy}, or --accept {name}"
 
 
 def relaxed_clause(proof: Document) -> str:
@@ -245,26 +245,26 @@ def sample_lines(proof: Document) -> list[str]:
 
 def samples_text(drawn: Document) -> str:
     """Return how many samples keep every limit, under which setting the fewest do, and what that shows."""
-    number, quantile, kept = drawn["count"], drawn["quantile"], [one["passing_count"] for one in drawn["settings"]]
-    share, must = f"{min(kept)} of {number} samples keep every limit{_under(drawn['settings'])}", 100.0 * quantile
-    if (verdict := verdict_of_samples(number, quantile, kept)) != NOT_PROVEN:
-        least, most = share_bounds(min(kept), number)
+    number, quantile, counts = drawn["count"], drawn["quantile"], [row["passing_count"] for row in drawn["settings"]]
+    share, must = f"{min(counts)} of {number} samples keep every limit{_under(drawn['settings'])}", 100.0 * quantile
+    if (verdict := verdict_of_samples(number, quantile, counts)) != NOT_PROVEN:
+        least, most = share_bounds(min(counts), number)
         shows = (f"least {math.floor(1e4 * least) / 100.0:.4g}" if verdict == "PASS" else
                  f"most {math.ceil(1e4 * most) / 100.0:.4g}")
         return f"{share}, so at {shows} % of all do (95 % confidence), {must:.4g} % must"
     more = next((more for more in _MORE if more > number and verdict_of_samples(
-        more, quantile, [round(more * min(kept) / number)]) != NOT_PROVEN), None)
+        more, quantile, [round(more * min(counts) / number)]) != NOT_PROVEN), None)
     return f"{share}, too few to decide whether {must:.4g} % of all do" + (
         f": --samples {more}" if more else "; at this share, more samples would not decide it either")
 
 
 def derived_verdict(proof: Document) -> str:
     """Return the verdict that follows from a proof's values; what the document calls it is not asked."""
-    heard = ["FAIL" if _broken(proof) else "PASS", *([NOT_PROVEN] if blocking_findings(proof) else [])]
+    verdicts = ["FAIL" if _broken(proof) else "PASS", *([NOT_PROVEN] if blocking_findings(proof) else [])]
     if (drawn := proof.get("samples")) is not None:
-        kept = [setting["passing_count"] for setting in drawn["settings"]]
-        heard.append(verdict_of_samples(drawn["count"], drawn["quantile"], kept))
-    return combined_verdict(heard)
+        counts = [setting["passing_count"] for setting in drawn["settings"]]
+        verdicts.append(verdict_of_samples(drawn["count"], drawn["quantile"], counts))
+    return combined_verdict(verdicts)
 
 
 def _under(settings: Sequence[Document]) -> str:
@@ -293,9 +293,9 @@ def _broken(proof: Document) -> Sequence[str]:
 
 def verdict_notes(proof: Document) -> list[str]:
     """Return what is told, widened, accepted and assumed in a proof's document, a few words each."""
-    told = notes_by_kind(proof)
-    untold = [f"not tested: {', '.join(told['not tested'])}"] if told["not tested"] else []
-    return [*told["asked"], *told["assumed"], *told["not known"], *told["changed"], *untold]
+    notes = notes_by_kind(proof)
+    untested = [f"not tested: {', '.join(notes['not tested'])}"] if notes["not tested"] else []
+    return [*notes["asked"], *notes["assumed"], *notes["not known"], *notes["changed"], *untested]
 
 
 def notes_by_kind(proof: Document) -> dict[str, list[str]]:
@@ -330,8 +330,8 @@ def wear_text(target: str, per_hour: float) -> str:
 
 def verdict_first(proof: Document) -> dict[str, Any]:
     """Return a proof's document with what is asked of it first."""
-    told = {**proof, "setpoint_degC": proof["scenario"]["setpoint_degC"], "relaxed_limits": list(relaxed_of(proof))}
-    return {name: told[name] for name in FIRST} | {name: part for name, part in told.items() if name not in FIRST}
+    parts = {**proof, "setpoint_degC": proof["scenario"]["setpoint_degC"], "relaxed_limits": list(relaxed_of(proof))}
+    return {name: parts[name] for name in FIRST} | {name: part for name, part in parts.items() if name not in FIRST}
 
 
 def _of_spec(spec: Document) -> list[str]:

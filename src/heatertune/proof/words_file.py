@@ -236,8 +236,8 @@ def exported_names(path: Path) -> list[str]:
 
 def export_first(words: Document, proof: Document) -> dict[str, Any]:
     """Return the document of exported words with what is asked of their proof first."""
-    told = verdict_first(proof)
-    first = {name: told[name] for name in FIRST} | {"files": words["files"]}
+    parts = verdict_first(proof)
+    first = {name: parts[name] for name in FIRST} | {"files": words["files"]}
     return first | {name: value for name, value in words.items() if name not in first}
 
 

@@ -255,19 +255,19 @@ class BrokenSensor(NamedTuple):
 
 def broken(sensor: Any, temperature: float) -> Any:
     """Return what the card reads of a temperature; it is asked once a scan."""
-    seen, number = temperature, int(sensor.memory[0])
+    reading, number = temperature, int(sensor.memory[0])
     if number < sensor.begins or sensor.fault == 0:
         sensor.memory[1] = temperature
     elif sensor.fault == _FROZEN:
-        seen = sensor.memory[1]
+        reading = sensor.memory[1]
     elif sensor.fault == _HALF:
-        seen = sensor.ambient + 0.5 * (temperature - sensor.ambient)
+        reading = sensor.ambient + 0.5 * (temperature - sensor.ambient)
     elif sensor.fault == _LOW or (sensor.fault == _LOOSE and number % _OFTEN != 0):
-        seen = -_FAR_DEGC
+        reading = -_FAR_DEGC
     elif sensor.fault == _HIGH:
-        seen = _FAR_DEGC
+        reading = _FAR_DEGC
     sensor.memory[0] = number + 1.0
-    return measure(sensor.inner, seen)
+    return measure(sensor.inner, reading)
 
 
 class Card(NamedTuple):
@@ -349,8 +349,8 @@ def ran(
     record = TraceArrays(True, np.empty(scans), np.empty(scans), np.empty(scans), np.empty(scans),
                     np.zeros(scans, dtype=np.int64), *(np.empty(stretches) for _ in range(4)))
     batch = LoopBatch(scans, noise_degC[None], np.zeros((1, 1)), np.array([row]), time, kind, value)
-    given = (program_of(loop, scenario), batch, actuator.switches, tripped_s, edges, record, no_meter())
-    run_with(replace(loop, sensor=sensor), given, scans)
+    arguments = (program_of(loop, scenario), batch, actuator.switches, tripped_s, edges, record, no_meter())
+    run_with(replace(loop, sensor=sensor), arguments, scans)
     return Ran(counts=_counts(loop, record.reading), power=_power(record.power, scenario, loop.scan_s),
                temperature_degC=record.temperature)
 
@@ -381,10 +381,10 @@ def whole_pct(power: Array) -> Any:
 
 
 def _power(power: Array, scenario: Scenario, scan_s: float) -> npt.NDArray[np.int16]:
-    asked: npt.NDArray[np.int16] = whole_pct(np.nan_to_num(power)).astype(np.int16)
+    request_pct: npt.NDArray[np.int16] = whole_pct(np.nan_to_num(power)).astype(np.int16)
     ends = [*(event.time_s for event in scenario.disturbances), math.inf]
     for begin, end, supplied in zip([0.0, *ends], ends, scenario.supplied, strict=False):
         if not supplied:
             last = None if math.isinf(end) else math.ceil(end / scan_s - 1e-9)
-            asked[math.ceil(begin / scan_s - 1e-9):last] = -1
-    return asked
+            request_pct[math.ceil(begin / scan_s - 1e-9):last] = -1
+    return request_pct

@@ -145,8 +145,8 @@ def scan(numbers: Numbers, state: Any, reading: int, power: int) -> int:
         state[_IN_BLOCK] = state[_LEVEL] = state[_POWER] = 0
         # only its place in the ring and whether the windows are full count: it stays small for ever
         state[_BLOCKS] = blocks + 1 if blocks + 1 < 2 * RING else RING
-        told = _of_block(numbers, state)
-        alarm = alarm if alarm != 0 else told
+        block_alarm = _of_block(numbers, state)
+        alarm = alarm if alarm != 0 else block_alarm
     return alarm
 
 

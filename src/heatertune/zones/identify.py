@@ -163,19 +163,19 @@ class FittedNetwork:
     @cached_property
     def ci95(self) -> Mapping[str, Interval]:
         """Quantity with unit and zone, or "exchange A-B" → its 95 % interval."""
-        own, zones = self.layout.per_zone, self.network.zones
+        per_zone, zones = self.layout.per_zone, self.network.zones
         names = ("gain_degC_per_pct", "time_constant_s", "dead_time_s", "ambient_degC", "", "second_time_constant_s")
-        found = {}
+        intervals = {}
         for zone, label in enumerate(zones):
-            for place, name in enumerate(names[:own]):
+            for place, name in enumerate(names[:per_zone]):
                 if name:
-                    found[f"{name} {label}"] = self._interval(zone * own + place, is_log=place in (0, 1, 5),
-                                                              late_s=self.late_s if place == 2 else 0.0)
+                    intervals[f"{name} {label}"] = self._interval(zone * per_zone + place, is_log=place in (0, 1, 5),
+                                                                  late_s=self.late_s if place == 2 else 0.0)
         for zone, label in enumerate(zones if self.layout.sag else ()):
-            found[f"supply_share {label}"] = self._interval(self.layout.first_share + zone)
-        for number, (zone, other) in enumerate(self.layout.pairs):
-            found[f"exchange {zones[zone]}-{zones[other]}"] = self._interval(len(zones) * own + number)
-        return found
+            intervals[f"supply_share {label}"] = self._interval(self.layout.first_share + zone)
+        for number, (zone, neighbour) in enumerate(self.layout.pairs):
+            intervals[f"exchange {zones[zone]}-{zones[neighbour]}"] = self._interval(len(zones) * per_zone + number)
+        return intervals
 
     def _interval(self, place: int, *, is_log: bool = False, late_s: float = 0.0) -> Interval:
         reach = _NORMAL * math.sqrt(float(self.covariance[place, place]))
@@ -197,28 +197,28 @@ class FittedNetwork:
             count: number of drawn networks.
             seed: of the draws.
         """
-        zones, own = self.network.zones, self.layout.per_zone
-        found = [("best fit", self.network)]
+        zones, per_zone = self.network.zones, self.layout.per_zone
+        networks = [("best fit", self.network)]
         if not np.any(self.covariance):
-            return found
+            return networks
         reach = _NORMAL * np.sqrt(np.diag(self.covariance))
         place = np.arange(len(self.values))
         shares = place >= (self.layout.first_share if self.layout.sag else len(place))
-        coupled = (place >= len(zones) * own) & ~shares
-        dead = (place < len(zones) * own) & (place % own == 2)
+        coupled = (place >= len(zones) * per_zone) & ~shares
+        dead = (place < len(zones) * per_zone) & (place % per_zone == 2)
         for label, sign in (("strongest exchange, longest dead times", 1.0), ("weakest exchange", -1.0)):
             values = self.values + sign * np.where(coupled, reach, 0.0)
             values = np.where(dead, self.values + (reach + self.late_s if sign > 0.0 else 0.0), values)
-            found.append((label, self.layout.network(zones, values)))
+            networks.append((label, self.layout.network(zones, values)))
         for label, sign in (("largest sag of the supply", 1.0), ("smallest sag", -1.0)) if np.any(shares) else ():
-            found.append((label, self.layout.network(zones, self.values + sign * np.where(shares, reach, 0.0))))
+            networks.append((label, self.layout.network(zones, self.values + sign * np.where(shares, reach, 0.0))))
         random = np.random.default_rng(seed)
         spread = np.linalg.cholesky(self.covariance + 1e-15 * np.diag(np.diag(self.covariance)))
         for number in range(count):
             values = self.values + spread @ random.standard_normal(len(self.values))
             values = np.where(dead, values + random.uniform(0.0, self.late_s, len(values)), values)
-            found.append((f"drawn network {number + 1}", self.layout.network(zones, values)))
-        return found
+            networks.append((f"drawn network {number + 1}", self.layout.network(zones, values)))
+        return networks
 
     def summary(self) -> str:
         """Return the network as text, a line for each zone and one for each coupling."""
@@ -385,10 +385,10 @@ def _is_explained(log: ZoneLog, structure: str | None) -> bool:
 
 
 def _result(log: ZoneLog, problem: NetworkProblem, fit: NetworkFit) -> FittedNetwork:
-    readings, (own, _), covariance = problem.readings, fit.layout.parts(fit.values), problem.covariance(fit)
-    reach = _NORMAL * np.sqrt(np.diag(covariance)[: own.size].reshape(own.shape)[:, :2])
-    known = np.all(reach < math.log(_NO_HEATER), axis=1) & (own[:, 1] < math.log(_LONGEST_LAG * np.ptp(log.time_s)))
-    for zone, ambient, is_known in zip(log.zones, own[:, 3], known, strict=True):
+    readings, (values, _), covariance = problem.readings, fit.layout.parts(fit.values), problem.covariance(fit)
+    reach = _NORMAL * np.sqrt(np.diag(covariance)[: values.size].reshape(values.shape)[:, :2])
+    mask = np.all(reach < math.log(_NO_HEATER), axis=1) & (values[:, 1] < math.log(_LONGEST_LAG * np.ptp(log.time_s)))
+    for zone, ambient, is_known in zip(log.zones, values[:, 3], mask, strict=True):
         if ambient < ABSOLUTE_ZERO_DEGC or not is_known:
             raise InputError(f"{log.name}: the log does not show the heater of zone {zone!r}: {_cause(log, problem)}")
     error = np.sqrt(np.sum(fit.residuals**2, axis=0) / np.sum((readings - readings.mean(axis=0)) ** 2, axis=0))

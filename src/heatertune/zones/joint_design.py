@@ -67,11 +67,11 @@ def design_zones(
         InputError: no setpoint is known, or no design is robust for all plausible networks.
         OutOfRange, UnknownName, NotRepresentable: as `JointTuner` and `actuator_for`.
     """
-    asked = conditions or Conditions()
-    spec = specification or specification_for(fitted, setpoints_degC, asked)
-    is_broken = partial(_never_moves, tolerance_degC=spec.limits.tolerance_degC, stated=asked.switches)
+    assumptions = conditions or Conditions()
+    spec = specification or specification_for(fitted, setpoints_degC, assumptions)
+    is_broken = partial(_never_moves, tolerance_degC=spec.limits.tolerance_degC, stated=assumptions.switches)
     at_interval = partial(JointTuner, fitted, target, scaling=scaling, structure=structure)
-    prove = partial(prove_zones, fitted=fitted, specification=replace(spec, spread_degC=None), conditions=asked)
+    prove = partial(prove_zones, fitted=fitted, specification=replace(spec, spread_degC=None), conditions=assumptions)
     best = _tuned(at_interval, prove, is_broken, sample_time_s)
     if best is None:
         raise InputError(f"no {structure} of {target} keeps Ms {JOINT_MS:g} on all plausible networks: log longer "
@@ -93,9 +93,9 @@ def _start_together(proof: JointProof, prove: Callable[..., JointProof]) -> Join
         return plain
     ramped = [plain.design.with_ramp(ramp) for ramp in _ramps(plain)]
     for design in ramped:
-        found = prove(design, up_to_failure=True)
-        if found.verdict != "FAIL":
-            return found
+        candidate = prove(design, up_to_failure=True)
+        if candidate.verdict != "FAIL":
+            return candidate
     whole = [plain, *map(prove, ramped)]
     return min(filter(partial(_keeps_all_but, (SPREAD_NAME,)), whole), key=_worst_share, default=plain)
 

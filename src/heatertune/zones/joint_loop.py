@@ -377,8 +377,8 @@ def calm_actuator(
     actuator, controller = actuator_for(conditions, words), controller_for(words.target)
     if {conditions.pwm_period_s, controller.timing(words).pwm_period_s, controller.pwm_period_s} != {None}:
         return actuator
-    held = np.clip(network.holding_pct(setpoints_degC), 0.0, 100.0)
-    heaters = [(network.neighbours_held(zone), float(power)) for zone, power in enumerate(held)]
+    holding_pct = np.clip(network.holding_pct(setpoints_degC), 0.0, 100.0)
+    heaters = [(network.neighbours_held(zone), float(power)) for zone, power in enumerate(holding_pct)]
     parts = words.sample_time_s / np.arange(1, max(int(words.sample_time_s), 1) + 1)
     for period in map(float, parts[parts <= actuator.pwm_period_s]):
         if not in_ticks(period, controller.tick_s):

@@ -210,12 +210,12 @@ class JointProof:
                  f"{', '.join(f'{each:g}' for each in self.specification.setpoints_degC)} °C in {len(self.runs)} runs"]
         broken = sorted((each for each in self.criteria if not each.ok), key=lambda criterion: criterion.cause >= 0)
         lines += [f"not kept: {each.name} {each.value:.4g}, limit {each.limit:.4g} ({each.where})" for each in broken]
-        options, left = _allowing(broken), ", ".join(each.name for each in self.blocking)
+        options, blocking = _allowing(broken), ", ".join(each.name for each in self.blocking)
         lines += [f"to allow {'it' if len(broken) == 1 else 'them'}: {options}"
-                  f"{left and f'; NOT PROVEN until {left} is remedied, too'}"] if options else []
-        for each in self.blocking:
-            remedy = _REMEDIES.get(each.name) or remedy_of(each.name, [])
-            lines.append(f"not proven ({each.name}): {each.message}; {remedy}, or --accept {each.name}")
+                  f"{blocking and f'; NOT PROVEN until {blocking} is remedied, too'}"] if options else []
+        for finding in self.blocking:
+            remedy = _REMEDIES.get(finding.name) or remedy_of(finding.name, [])
+            lines.append(f"not proven ({finding.name}): {finding.message}; {remedy}, or --accept {finding.name}")
         lines += summarize_orders(zones, self.runs)
         lines += [*(f"accepted: {KINDS[name].short}" for name in self.accepted), *dict.fromkeys(
             f"assumed: {each.kind.short}" for each in self.findings if each.kind.is_assumption)]
@@ -223,9 +223,9 @@ class JointProof:
         lines += [f"{each.name}: {each.value:.4g} of {each.limit:.4g} ({each.where})"
                   for each in self.criteria if each.ok]
         kw_of = self.specification.most_kw
-        held, heating = (f"{count}" if kw_of(count) is None else f"{count}, {kw_of(count):.4g} kW" for count in (
+        at_rest, heating = (f"{count}" if kw_of(count) is None else f"{count}, {kw_of(count):.4g} kW" for count in (
             self.peak_heaters, self.heating_up_heaters))
-        lines.append(f"heaters on at once while the setpoints are held: at most {held}; the best fit needs "
+        lines.append(f"heaters on at once while the setpoints are held: at most {at_rest}; the best fit needs "
                      f"{self.heaters_bound}; in {100.0 * self.bound_share:.4g} % of the PWM periods no more than the "
                      f"duties of the run need; heating up, and after faults: up to {heating}")
         most_kw, limit_kw = kw_of(self.heating_up_heaters), self.specification.peak_kw
@@ -248,8 +248,8 @@ class JointProof:
 
     def brief(self) -> str:
         """Return the summary without the criteria that are kept."""
-        kept = tuple(f"{each.name}: " for each in self.criteria if each.ok)
-        return "\n".join(line for line in self.summary().splitlines() if not line.startswith(kept))
+        prefixes = tuple(f"{each.name}: " for each in self.criteria if each.ok)
+        return "\n".join(line for line in self.summary().splitlines() if not line.startswith(prefixes))
 
     def certificate(self) -> Certificate:
         """Return what each export says about this proof."""
@@ -334,27 +334,27 @@ def prove_zones(
     Raises:
         InputError, OutOfRange, UnknownName: as `heatertune.zones.joint_loop.run_zones` and `actuator_for`.
     """
-    asked = conditions or Conditions()
-    FitDiagnostics(accepted=asked.accept)  # refuses a name that blocks nothing
+    assumptions = conditions or Conditions()
+    FitDiagnostics(accepted=assumptions.accept)  # refuses a name that blocks nothing
     for name, setpoint in zip(fitted.network.zones, specification.setpoints_degC, strict=True):
         low, high = design.words[0].scaling.sensor_degC
         if not low < setpoint < high:
             rule = f"> {low:g} and < {high:g}, the sensor's range (--range)"
             raise OutOfRange(f"setpoint of zone {name}", setpoint, rule)
     networks = fitted.draw(_DRAWN)
-    held = [network.holding_pct(specification.setpoints_degC) for _, network in networks]
+    power = [network.holding_pct(specification.setpoints_degC) for _, network in networks]
     actuator = calm_actuator(
-        asked, design.words[0], networks[0][1], specification.setpoints_degC, specification.limits.tolerance_degC)
+        assumptions, design.words[0], networks[0][1], specification.setpoints_degC, specification.limits.tolerance_degC)
     staggered = specification.staggered or specification.peak_kw is not None
-    likely = [held[0], *(held[0] * share for share in (0.9, 1.05, 1.1, 1.0 / MAINS_POWERS[0], 1.0 / MAINS_POWERS[1]))]
-    offsets = (0.0,) * len(held[0])
+    likely = [power[0], *(power[0] * share for share in (0.9, 1.05, 1.1, 1.0 / MAINS_POWERS[0], 1.0 / MAINS_POWERS[1]))]
+    offsets = (0.0,) * len(power[0])
     if staggered:
-        offsets = offsets_for(np.array([*likely, *held[1:]]), actuator.pwm_period_s, actuator.resolution_s)
+        offsets = offsets_for(np.array([*likely, *power[1:]]), actuator.pwm_period_s, actuator.resolution_s)
     prover = _Prover(design, fitted, specification, ZoneLoop(words=design.words, actuator=actuator, offsets_s=offsets))
-    criteria, traces, runs = prover.static([network for _, network in networks], held), list[JointTrace](), list[str]()
-    criteria += prover.residual_errors(prover.settings(asked.switches))
+    criteria, traces, runs = prover.static([network for _, network in networks], power), list[JointTrace](), list[str]()
+    criteria += prover.residual_errors(prover.settings(assumptions.switches))
     unrun = len(criteria)
-    planned = list(prover.runs(networks, asked.switches))
+    planned = list(prover.runs(networks, assumptions.switches))
     for label, run in [*(pair for pair in planned[1:] if up_to_failure and pair[0] == first), *planned]:
         if runs == [first]:  # it breaks nothing: as if it had not run
             prover.peak, criteria, traces, runs = PeakPower(), criteria[:unrun], [], []
@@ -368,22 +368,22 @@ def prove_zones(
     spread = max((each for each in criteria if each.name == SPREAD_NAME), key=lambda criterion: criterion.value,
                  default=None)
     limited = (each for each in criteria if each.limit < math.inf)
-    found = list({each.name: each for each in sorted(limited, key=lambda criterion: criterion.share)}.values())
+    worst = list({each.name: each for each in sorted(limited, key=lambda criterion: criterion.share)}.values())
     peak_kw = specification.most_kw(peak.most)
     if specification.peak_kw is not None and peak_kw is not None:
-        found.append(JointCriterion(
+        worst.append(JointCriterion(
             name="peak power [kW]", value=peak_kw, limit=specification.peak_kw,
             where=f"{peak.most} heaters at once while the setpoints are held; --peak-power "
                   f"{math.ceil(1000.0 * peak_kw - 1e-6) / 1000.0:g} allows them"))
     return JointProof(
         design=design, fitted=fitted, specification=specification, actuator=actuator, offsets_s=offsets,
-        criteria=tuple(found), runs=tuple(runs), findings=(*fitted.findings, *_beyond_log(fitted, specification)),
-        accepted=tuple(asked.accept),
-        not_tested=(*dict.fromkeys(prover.not_tested), *_limits_not_judged(asked), *_NOT_TESTED),
+        criteria=tuple(worst), runs=tuple(runs), findings=(*fitted.findings, *_beyond_log(fitted, specification)),
+        accepted=tuple(assumptions.accept),
+        not_tested=(*dict.fromkeys(prover.not_tested), *_limits_not_judged(assumptions), *_NOT_TESTED),
         peak_heaters=peak.most, peak_kw=peak_kw, heating_up_heaters=peak.ever, heaters_bound=peak.bound,
         bound_share=peak.share, spread=spread, trace=traces[0],
         settle_s=prover.settle_s, heat_s=max(prover.heat_s, 2.0 * prover.settle_s),
-        switches=dict(asked.switches), conditions=asked)
+        switches=dict(assumptions.switches), conditions=assumptions)
 
 
 def _beyond_log(fitted: FittedNetwork, specification: ZoneSpecification) -> Iterator[Finding]:
@@ -426,17 +426,17 @@ class _Prover:
 
     def residual_errors(self, settings: Sequence[Mapping[str, str]]) -> list[JointCriterion]:
         """Return which error of a zone no increment of its controller corrects, the largest of each setting."""
-        found = []
+        criteria = []
         for setting in settings:
             errors = self._residual_error_degC(setting)
             zone = int(np.argmax(errors))
             if errors[zone] > 0.0:
                 name = ", ".join(f"{name} = {value}" for name, value in setting.items()
                                  if value != settings[0][name]) or "every setting"
-                found.append(JointCriterion(
+                criteria.append(JointCriterion(
                     name="error that no increment corrects [°C]", value=float(errors[zone]),
                     limit=self.specification.limits.tolerance_degC, where=f"zone {self.zones[zone]}, {name}"))
-        return found
+        return criteria
 
     def _residual_error_degC(self, setting: Mapping[str, str]) -> Array:
         """Return the largest error of each zone that its controller never corrects, shape (n,) [°C]."""
@@ -449,16 +449,16 @@ class _Prover:
         """Return the criteria that need no run: margins, and the power that holds the setpoints of each network."""
         design, where = self.design, "all plausible networks"
         most, least = max(map(np.max, powers_pct)), min(map(np.min, powers_pct))
-        held = where
+        place = where
         if most > 100.0 - RESERVE_PCT:
             zone = self.zones[int(np.argmax(max(powers_pct, key=np.max)))]
             wide = float(np.max(powers_pct[0])) <= 100.0 - RESERVE_PCT  # the best fit can hold them
-            held += f", zone {zone}: lower its setpoint{', or log longer steps of its power' if wide else ''}"
+            place += f", zone {zone}: lower its setpoint{', or log longer steps of its power' if wide else ''}"
         criteria = [
             JointCriterion(name="largest singular value of S", value=design.joint_ms, limit=JOINT_MS, where=where),
             JointCriterion(name="Ms of a zone alone", value=design.alone_ms, where=where,
                            limit=min(JOINT_MS, self.specification.limits.ms or JOINT_MS)),
-            JointCriterion(name=HOLDING_POWERS[0], value=float(most), limit=100.0 - RESERVE_PCT, where=held)]
+            JointCriterion(name=HOLDING_POWERS[0], value=float(most), limit=100.0 - RESERVE_PCT, where=place)]
         if least < 0.0:
             cold = int(np.argmin(min(powers_pct, key=np.min)))
             rise = max(map(lambda network, power: (_IDLE_PCT - power[cold]) * network.neighbours_held(
@@ -557,9 +557,9 @@ class _Prover:
         events.append(ZoneEvent(now, "restart", 0))
         phases.append(RunPhase("restart", -1, now, now + 2.0 * wait))
         trace = run_zones(self.loop, network, events, now + 2.0 * wait, switches=switches)
-        held = [phase for phase in phases if phase.kind in ("load gone", "setpoint back", "restart")]
+        steady_phases = [phase for phase in phases if phase.kind in ("load gone", "setpoint back", "restart")]
         duties = np.clip(network.holding_pct(self.setpoints), 0.0, 100.0)
-        self.peak.count(trace, held, self.loop.period_s, math.ceil(float(duties.sum()) / 100.0 - 1e-9))
+        self.peak.count(trace, steady_phases, self.loop.period_s, math.ceil(float(duties.sum()) / 100.0 - 1e-9))
         return trace, self._judged(trace, network, phases, self._residual_error_degC(switches))
 
     def _faults(self, network: ThermalNetwork, zone: int, now: float, events: list[ZoneEvent],
@@ -584,15 +584,15 @@ class _Prover:
     def _in_turn(self, network: ThermalNetwork, switches: Mapping[str, str], order: StartOrder, *,
                  quick: bool = False) -> tuple[JointTrace, list[JointCriterion]]:
         """Start groups of zones one after the other, when those before have settled, or soon (`quick`)."""
-        events, phases, begun, now = list[ZoneEvent](), list[RunPhase](), tuple[int, ...](), 0.0
+        events, phases, zones_on, now = list[ZoneEvent](), list[RunPhase](), tuple[int, ...](), 0.0
         for group in order:
-            begun = *begun, *group
-            lasts, rests = self._stage(network, begun, quick=quick and group != order[-1])
+            zones_on = *zones_on, *group
+            lasts, rests = self._stage(network, zones_on, quick=quick and group != order[-1])
             events += [event for zone in group for event in (
                 ZoneEvent(now, "setpoint", zone, float(self.setpoints[zone])), ZoneEvent(now, "on", zone))]
             phases.append(RunPhase(
                 "start", group[0] if len(group) == 1 else -1, now, now + lasts, started=group, rests=rests,
-                idle=tuple(zone for zone in range(self.count) if zone not in begun)))
+                idle=tuple(zone for zone in range(self.count) if zone not in zones_on)))
             now += lasts
         phases.append(RunPhase("all started", -1, now, now + self.settle_s))
         trace = run_zones(self.loop, network, events, now + self.settle_s, switches=switches)
@@ -615,26 +615,26 @@ class _Prover:
         chosen = list(zones)
         rise = np.column_stack([network.steady_degC(row) - network.steady_degC([0.0] * self.count)
                                 for row in np.eye(self.count)])
-        wanted = self.setpoints - network.steady_degC([0.0] * self.count)
+        demand_degC = self.setpoints - network.steady_degC([0.0] * self.count)
         heat = np.zeros(self.count)
-        heat[chosen] = np.linalg.solve(rise[np.ix_(chosen, chosen)], wanted[chosen])
+        heat[chosen] = np.linalg.solve(rise[np.ix_(chosen, chosen)], demand_degC[chosen])
         power = network.demanded_pct(heat)[chosen]
         return bool(np.all(power <= 100.0 - RESERVE_PCT) and np.all(power >= _IDLE_PCT))
 
     def _judged(self, trace: JointTrace, network: ThermalNetwork, phases: Sequence[RunPhase],
                 residual_error_degC: Array) -> list[JointCriterion]:
-        found = [JointCriterion(name="overflows", value=float(trace.overflows), limit=0.0, where="all zones")]
+        criteria = [JointCriterion(name="overflows", value=float(trace.overflows), limit=0.0, where="all zones")]
         for phase in phases:
             inside = (trace.time_s >= phase.start_s) & (trace.time_s < phase.end_s)
-            seen, high, low = ((each - trace.setpoints_degC)[inside] for each in (
+            error, high, low = ((curve - trace.setpoints_degC)[inside] for curve in (
                 trace.temperatures_degC, trace.highest_degC, trace.lowest_degC))
             if phase.kind == "heat-up":
-                found.append(self._spread(trace.highest_degC[inside], trace.lowest_degC[inside]))
+                criteria.append(self._spread(trace.highest_degC[inside], trace.lowest_degC[inside]))
             for zone in range(self.count):
                 if zone not in phase.idle:
-                    found += self._of_zone(phase, zone, (seen[:, zone], high[:, zone], low[:, zone]), network,
-                                           float(residual_error_degC[zone]))
-        return found
+                    criteria += self._of_zone(phase, zone, (error[:, zone], high[:, zone], low[:, zone]), network,
+                                              float(residual_error_degC[zone]))
+        return criteria
 
     def _spread(self, highest_degC: Array, lowest_degC: Array) -> JointCriterion:
         """Return the largest spread of the zones in a heat-up; without a stated limit it is measured all the same."""
@@ -652,7 +652,7 @@ class _Prover:
         A zone may begin a phase with any error that its controller does not correct, on either side.
         """
         limits, name = self.specification.limits, self.zones[zone]
-        seen, high, low = errors
+        error, high, low = errors
         where = f"zone {name}, {phase.kind}" + ("" if phase.zone < 0 else f" ({self.zones[phase.zone]})")
         make = partial(JointCriterion, where=where, cause=zone if zone in (phase.started or (zone,)) else -1)
         yield from rest_criteria(make, errors, limits.tolerance_degC) if phase.rests else ()
@@ -665,9 +665,9 @@ class _Prover:
             most = limits.reheat_overshoot_pct, limits.reheat_overshoot_degC
             yield from over("overshoot after a fault [%]", high, most)
         elif phase.kind.startswith("setpoint") and zone != phase.zone:
-            own = float(np.clip(seen[0], -residual_error_degC, residual_error_degC))
+            offset = float(np.clip(error[0], -residual_error_degC, residual_error_degC))
             yield make(name=_DEVIATION_NAME, cause=phase.zone,
-                       value=float(max(high.max() - own, own - low.min())) + residual_error_degC,
+                       value=float(max(high.max() - offset, offset - low.min())) + residual_error_degC,
                        limit=self.specification.deviation_limit_degC(phase.change_degC))
         elif phase.kind == "setpoint change":
             most_degC = tightest_degC(

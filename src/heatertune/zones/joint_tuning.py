@@ -95,11 +95,11 @@ def zone_model(
     """
     heaters = [heater for network in networks for heater in (
         network.neighbours_held(zone, at_degC), _alone(network).neighbours_held(zone))]
-    kept = list(dict.fromkeys(heaters))
+    plants = list(dict.fromkeys(heaters))
     candidates = tuple(Candidate(
         model=heater, log=fitted.log, window_s=(0.0, 0.0), law="power logged, all zones", fit_pct=math.nan,
-        rmse_degC=math.nan, delta_bic=0.0) for heater in kept)
-    nominal = kept[0]
+        rmse_degC=math.nan, delta_bic=0.0) for heater in plants)
+    nominal = plants[0]
     model = nominal if isinstance(nominal, Fopdt) else nominal.half_rule()
     dead = fitted.ci95[f"dead_time_s {fitted.network.zones[zone]}"]
     return FittedModel(

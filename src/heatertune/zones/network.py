@@ -195,8 +195,8 @@ class ThermalNetwork:
             at_degC: temperatures of all zones; None: their ambients [°C].
         """
         share = 1.0 + float(self.exchange[zone].sum())
-        held = np.asarray(self.ambients_degC if at_degC is None else at_degC, dtype=np.float64)
-        ambient = (self.ambients_degC[zone] + float(self.exchange[zone] @ held)) / share
+        neighbours_degC = np.asarray(self.ambients_degC if at_degC is None else at_degC, dtype=np.float64)
+        ambient = (self.ambients_degC[zone] + float(self.exchange[zone] @ neighbours_degC)) / share
         lag, second = self.time_constants_s[zone] / share, self.second_time_constants_s[zone]
         gain, dead = self.gains_degC_per_pct[zone] / share, self.dead_times_s[zone]
         if second <= 0.0:
@@ -340,11 +340,11 @@ def _heat_of(course: ZonePower, dead_s: float, time_s: Array, growth: Complex, r
     arrives = course.instants_s + dead_s
     row = np.searchsorted(time_s, arrives, side="left") - 1  # the span in which it arrives
     inside = (row >= 0) & (row < len(time_s) - 1)
-    held = np.full(len(time_s) - 1, course.first_pct) + np.concatenate(
+    power_pct = np.full(len(time_s) - 1, course.first_pct) + np.concatenate(
         [[0.0], np.cumsum(np.bincount(row[inside], course.changes_pct[inside], len(time_s) - 1))[:-1]])
-    held += float(course.changes_pct[row < 0].sum())
-    heat = growth * held[:, None]
-    rest = time_s[row[inside] + 1] - arrives[inside]
-    part = course.changes_pct[inside, None] * np.expm1(np.outer(rest, rates)) / rates
+    power_pct += float(course.changes_pct[row < 0].sum())
+    heat = growth * power_pct[:, None]
+    remainder_s = time_s[row[inside] + 1] - arrives[inside]
+    part = course.changes_pct[inside, None] * np.expm1(np.outer(remainder_s, rates)) / rates
     np.add.at(heat, row[inside], part)
     return np.asarray(heat)

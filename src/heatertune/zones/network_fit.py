@@ -171,15 +171,15 @@ class NetworkProblem:
 
     def start(self, layout: ParameterLayout) -> Array:
         """Return parameters, shape (p,), by least squares on the integrated heat balance, of several dead times."""
-        own = np.empty((layout.size, 5))
+        parameters = np.empty((layout.size, 5))
         couplings = []
         for zone in range(layout.size):
-            others = [other for first, other in layout.pairs if first == zone]
+            others = [neighbour for first, neighbour in layout.pairs if first == zone]
             tried = (balance for balance in self._balances(zone, zone, others) if balance.is_heater)
-            own[zone], found = self._from_balance(
+            parameters[zone], strengths = self._from_balance(
                 zone, min(tried, key=attrgetter("squares"), default=None), len(others))
-            couplings += found
-        return np.concatenate([own.ravel(), couplings])
+            couplings += strengths
+        return np.concatenate([parameters.ravel(), couplings])
 
     def weak_exchange_start(self, layout: ParameterLayout) -> Array | None:
         """Return parameters with second lags and a weak exchange, shape (p,), as the heat balances give the others.
@@ -297,11 +297,11 @@ class NetworkProblem:
     def jacobian(self, layout: ParameterLayout, values: Array) -> Array:
         """Return the derivatives of all temperatures, shape (rows, n, parameters)."""
         dead = 1e-3 * max(float(np.median(np.diff(self.time_s))), 1e-3)
-        own = [1e-4, 1e-4, dead, 1e-2, 1e-2, 1e-4][: layout.per_zone]
-        size = np.array([*own * layout.size, *[1e-4] * len(layout.pairs)])
+        steps = [1e-4, 1e-4, dead, 1e-2, 1e-2, 1e-4][: layout.per_zone]
+        size = np.array([*steps * layout.size, *[1e-4] * len(layout.pairs)])
         moved = [values, *(values + size[place] * np.eye(1, len(values), place)[0] for place in range(len(values)))]
-        found = self.simulate(layout, moved)
-        return np.asarray(np.moveaxis((found[1:] - found[0]) / size[:, None, None], 0, 2))
+        temperatures = self.simulate(layout, moved)
+        return np.asarray(np.moveaxis((temperatures[1:] - temperatures[0]) / size[:, None, None], 0, 2))
 
     def covariance(self, fit: NetworkFit) -> Array:
         """Return the covariance of the parameters, shape (p, p): of slow errors, and of when the power changed.
@@ -354,13 +354,13 @@ class NetworkProblem:
     def late_changes(self, fit: NetworkFit) -> Array:
         """Return what it adds that a change of power comes later, shape (rows, n, changes) [°C/s]."""
         modes, dead_times_s, _ = fit.layout.case(fit.values)
-        found = []
+        responses = []
         for zone, (course, timed) in enumerate(zip(self.courses, self._timed(), strict=True)):
             since = self.time_s[:, None] - course.instants_s[timed] - dead_times_s[zone]
             decay = np.where(since > 0.0, np.exp(modes.rates[:, None, None] * np.maximum(since, 0.0)), 0.0)
             answer = np.tensordot(decay, modes.outputs * modes.inputs[:, zone], axes=(0, 1))
-            found.append(-np.moveaxis(answer.real, 2, 1) * course.changes_pct[timed])
-        return np.concatenate(found, axis=2)
+            responses.append(-np.moveaxis(answer.real, 2, 1) * course.changes_pct[timed])
+        return np.concatenate(responses, axis=2)
 
     def timed(self, fit: NetworkFit) -> tuple[NetworkProblem, NetworkFit]:
         """Return the problem with each change of power at the instant between its rows that explains the log best.
@@ -417,9 +417,9 @@ class NetworkProblem:
         """
         first, error = fit.layout.size * fit.layout.per_zone, np.sqrt(np.diag(self.covariance(fit)))
         clear = fit.values > math.sqrt(_SIGNIFICANT) * error
-        kept = [place for place, pair in enumerate(fit.layout.pairs, start=first) if pair in pairs or clear[place]]
-        layout = fit.layout._replace(pairs=tuple(fit.layout.pairs[place - first] for place in kept))
-        return self.fit(layout, np.concatenate([fit.values[:first], fit.values[kept]]))
+        index = [place for place, pair in enumerate(fit.layout.pairs, start=first) if pair in pairs or clear[place]]
+        layout = fit.layout._replace(pairs=tuple(fit.layout.pairs[place - first] for place in index))
+        return self.fit(layout, np.concatenate([fit.values[:first], fit.values[index]]))
 
     def with_second_lags(self, fit: NetworkFit) -> NetworkFit:
         """Return the fit with a second lag of each zone where it explains the log better.
@@ -487,16 +487,16 @@ def long_run_variance(residuals: Array, moves: Array) -> float:
         residuals: of a zone, shape (N,) [°C].
         moves: derivatives of its temperature by its own parameters, shape (N, p).
     """
-    found = []
+    variances = []
     for rows in _MEANS_OF:
         count = len(residuals) // rows
         if rows == 1 or count >= _LEAST_MEANS * moves.shape[1]:
             means = residuals[: count * rows].reshape(count, rows).mean(axis=1)
             base, _ = np.linalg.qr(moves[: count * rows].reshape(count, rows, -1).mean(axis=1))
             rho, variance = colour(means, base)
-            found.append(rows * variance * (1.0 + rho) / (1.0 - rho))
-    freedom = float(residuals @ residuals) / max(*found, 1e-30) - moves.shape[1]
-    return max(found) * (student_t(max(freedom, LEAST_FREEDOM)) / _NORMAL) ** 2
+            variances.append(rows * variance * (1.0 + rho) / (1.0 - rho))
+    freedom = float(residuals @ residuals) / max(*variances, 1e-30) - moves.shape[1]
+    return max(variances) * (student_t(max(freedom, LEAST_FREEDOM)) / _NORMAL) ** 2
 
 
 def explanation_gain(fit: NetworkFit, wider: NetworkFit) -> float:
@@ -587,20 +587,20 @@ def fit_supply(problem: NetworkProblem, fit: NetworkFit) -> SupplyFit:
         problem: with the powers as logged.
         fit: of a network without a sag of the supply, where the search begins.
     """
-    found = _refined(problem, fit, np.zeros(fit.layout.size))
-    wider = found.problem.with_second_lags(found.fit)
-    if wider is not found.fit:
-        found = _refined(problem, wider, found.shares)
-    elif max(variance_inflation(each) for each in found.fit.residuals.T) < _WHITE:
-        return found
+    best = _refined(problem, fit, np.zeros(fit.layout.size))
+    wider = best.problem.with_second_lags(best.fit)
+    if wider is not best.fit:
+        best = _refined(problem, wider, best.shares)
+    elif max(variance_inflation(column) for column in best.fit.residuals.T) < _WHITE:
+        return best
     for share in _SHARES_AT_START:
         shares = np.full(fit.layout.size, share)
         start = _with_shares(problem, shares).weak_exchange_start(fit.layout)
         if start is not None:
             tried = _refined(problem, fit._replace(layout=fit.layout._replace(second=True), values=start), shares)
-            if explanation_gain(found.fit, tried.fit) > _SIGNIFICANT and tried.problem.bounds_lags(tried.fit):
-                found = tried
-    return found
+            if explanation_gain(best.fit, tried.fit) > _SIGNIFICANT and tried.problem.bounds_lags(tried.fit):
+                best = tried
+    return best
 
 
 def _with_shares(problem: NetworkProblem, shares: Array) -> NetworkProblem:
@@ -613,14 +613,14 @@ def _with_shares(problem: NetworkProblem, shares: Array) -> NetworkProblem:
 def _refined(problem: NetworkProblem, fit: NetworkFit, shares: Array) -> SupplyFit:
     """Return the fit of parameters and shares together, by Levenberg and Marquardt's method."""
     layout, count = fit.layout, len(fit.values)
-    both, residuals = _least_squares(
+    solution, residuals = _least_squares(
         np.concatenate([fit.values, shares]), partial(_residuals, problem, layout), partial(_jacobian, problem, layout),
         partial(_step_within, problem, layout), _MOST_SUPPLY_STEPS)
-    jacobian = _jacobian(problem, layout, both)
-    own = _with_shares(problem, both[count:])
-    found = NetworkFit(layout, both[:count], residuals, jacobian)
-    reach = _NORMAL * np.sqrt(np.diag(own.covariance(found))[count:])
-    return SupplyFit(own, found, both[count:], reach)
+    jacobian = _jacobian(problem, layout, solution)
+    sag_problem = _with_shares(problem, solution[count:])
+    network_fit = NetworkFit(layout, solution[:count], residuals, jacobian)
+    reach = _NORMAL * np.sqrt(np.diag(sag_problem.covariance(network_fit))[count:])
+    return SupplyFit(sag_problem, network_fit, solution[count:], reach)
 
 
 def _step_within(problem: NetworkProblem, layout: ParameterLayout, both: Array, normal: Array, slope: Array) -> Array:

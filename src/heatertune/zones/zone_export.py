@@ -141,7 +141,7 @@ def _s7(zones: Sequence[str], parts: Sequence[Mapping[str, str | bytes]], proof:
     """Return one source: FB 100 and 101 for all zones; DB, FC and FB from 100 of the first zone, 110 of the second."""
     files: dict[str, str | bytes] = {}
     shared: dict[str, str] = {}
-    heads, own, loads, calls = list[str](), list[str](), list[str](), list[str]()
+    heads, zone_blocks, loads, calls = list[str](), list[str](), list[str](), list[str]()
     for number, (zone, part) in enumerate(zip(zones, parts, strict=True)):
         shift = _BETWEEN * number
         files |= {f"zone{number + 1}_{name}": content for name, content in part.items() if not name.endswith(".awl")}
@@ -150,20 +150,20 @@ def _s7(zones: Sequence[str], parts: Sequence[Mapping[str, str | bytes]], proof:
             raise InputError("this PWM is left to a switch behind the analog output, which a program of zones does not "
                              "have: leave out --pwm-rule, or state a --pwm-period that OB 35 makes")
         source = _s7_delayed(source, number, proof)
-        found = {match[2]: match[0] for match in _BLOCK.finditer(source)}
+        blocks = {match[2]: match[0] for match in _BLOCK.finditer(source)}
         heads += [f"// zone {number + 1} of {len(zones)}: {zone}", *(
             _s7_moved(line, number) for line in source.splitlines() if line.startswith("//"))]
-        shared |= {name: found[name] for name in ("FB 100", "FB 101")}
-        own += [_s7_moved(found[name], number) for name in ("DB 100", "DB 102", "DB 101", "FC 101 : VOID")]
-        own.append(_s7_moved(_as_function_block(found["OB 35"], zone), number))
-        start = found["OB 100"]
+        shared |= {name: blocks[name] for name in ("FB 100", "FB 101")}
+        zone_blocks += [_s7_moved(blocks[name], number) for name in ("DB 100", "DB 102", "DB 101", "FC 101 : VOID")]
+        zone_blocks.append(_s7_moved(_as_function_block(blocks["OB 35"], zone), number))
+        start = blocks["OB 100"]
         loads.append(_s7_moved(start[start.index("NETWORK"):start.index("END_ORGANIZATION_BLOCK")], number))
         calls += ["NETWORK", f"TITLE =zone {zone}", f"      CALL  FB {102 + shift} , DB {103 + shift} (",
                   "           OB35_EXC_FREQ := #OB35_EXC_FREQ);"]
-    start, tick = found["OB 100"], found["OB 35"]
+    start, tick = blocks["OB 100"], blocks["OB 35"]
     restart = f"{start[:start.index('NETWORK')]}{''.join(loads)}END_ORGANIZATION_BLOCK\n"
     cyclic = re.sub(_OWN_TEMPORARIES.pattern + "\n", "", tick[:tick.index("NETWORK")], flags=re.MULTILINE)
-    text = "\n".join(["\n".join(heads), *shared.values(), *own, restart, cyclic + "\n".join(calls),
+    text = "\n".join(["\n".join(heads), *shared.values(), *zone_blocks, restart, cyclic + "\n".join(calls),
                       "END_ORGANIZATION_BLOCK\n"])
     return {"s7_300_zones.awl": text.replace("\n", _LINE_END), **files}
 

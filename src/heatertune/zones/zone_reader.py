@@ -52,16 +52,16 @@ def read_zones(
             files of different clocks.
         LogError, OutOfRange: as `read_log`.
     """
-    asked = merge_options(ReadSettings, settings, changed)
+    options = merge_options(ReadSettings, settings, changed)
     paths = [sources] if isinstance(sources, str | Path) else list(sources)
     names = tuple(zone.strip() for zone in zones)
     if len(names) < 2 or len(set(names)) < len(names):
         raise InputError("--zones: expected the names of two zones or more, each another one")
     if len(paths) == 1:
-        columns = _columns_of(Path(paths[0]), names, asked)
-        logs = [read_log(paths[0], merge_options(ReadSettings, asked, own)) for own in columns]
+        columns = _columns_of(Path(paths[0]), names, options)
+        logs = [read_log(paths[0], merge_options(ReadSettings, options, column_options)) for column_options in columns]
         return _joined(names, logs, [log.time_s for log in logs])
-    return _of_files(paths, names, asked)
+    return _of_files(paths, names, options)
 
 
 def numbers_in(name: str, text: str) -> tuple[float, ...]:
@@ -98,8 +98,8 @@ def _columns_of(path: Path, zones: Sequence[str], settings: ReadSettings) -> lis
     heaters = heaters_in(path)
     if heaters:
         return [{"tag": _heater_of(path, zone, heaters)} for zone in zones]
-    found = _by_role(path, settings, zones)
-    return [_of_zone(path, zone, number, len(zones), found) for number, zone in enumerate(zones)]
+    columns = _by_role(path, settings, zones)
+    return [_of_zone(path, zone, number, len(zones), columns) for number, zone in enumerate(zones)]
 
 
 def _by_role(path: Path, settings: ReadSettings, zones: Sequence[str] = ()) -> dict[str, list[str]]:
@@ -113,8 +113,8 @@ def _by_role(path: Path, settings: ReadSettings, zones: Sequence[str] = ()) -> d
     heated = [name for name in sheet.header if not (is_cooling(name) or is_fan(name))]
     zones = zones or _own_parts([name for name in heated if role_of(name) == "power"])
     words = [_words(zone) for zone in zones if _words(zone)]
-    taken = [name for name in heated if not is_second_choice(name) or any(zone <= _words(name) for zone in words)]
-    return {role: [name for name in taken if role_of(name) == role] for role in _ROLES}
+    candidates = [name for name in heated if not is_second_choice(name) or any(zone <= _words(name) for zone in words)]
+    return {role: [name for name in candidates if role_of(name) == role] for role in _ROLES}
 
 
 def _words(name: str) -> set[str]:
@@ -137,9 +137,9 @@ def zones_in(source: str | Path, settings: ReadSettings | None = None) -> tuple[
     if heaters := heaters_in(path):
         return tuple(heaters) if len(heaters) > 1 else ()
     try:
-        found = _by_role(path, reading)
-        zones = _own_parts(found["power"])
-        _ = [_of_zone(path, zone, number, len(zones), found) for number, zone in enumerate(zones)]
+        columns = _by_role(path, reading)
+        zones = _own_parts(columns["power"])
+        _ = [_of_zone(path, zone, number, len(zones), columns) for number, zone in enumerate(zones)]
     except InputError:
         return ()
     return zones

@@ -91,7 +91,7 @@ def _picture(proof: JointProof) -> str:
 
 
 def _words(proof: JointProof, *, refused: bool) -> list[str]:
-    found = []
+    sections = []
     for number, (zone, words) in enumerate(zip(proof.fitted.network.zones, proof.words, strict=True)):
         setpoint = proof.specification.setpoints_degC[number]
         heads, values, cells = typed_table(typed_words(words, setpoint))
@@ -101,12 +101,12 @@ def _words(proof: JointProof, *, refused: bool) -> list[str]:
         source = controller_for(words.target).title
         entry = text_of_zone(words.target, setpoint_entry(words, setpoint), number)
         blocks = block_of_zone(words.target, number)
-        found.append(
+        sections.append(
             f"<h2>Zone {text_of(zone)}: parameters for {text_of(words.target)}</h2>{warning}"
             f"<p>Sensor {describe_range(words.scaling)}; call every {figure(words.sample_time_s)} s. Setpoint of the "
             f"proof: {figure(setpoint)} °C; enter {text_of(entry)}.{blocks}</p>"
             + table(("done", *heads), rows, numeric=tuple(place + 1 for place in values), source=source))
-    return found
+    return sections
 
 
 def block_of_zone(target: str, number: int) -> str:

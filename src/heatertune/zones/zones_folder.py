@@ -244,20 +244,20 @@ def prove_again(design: ZonesDesign) -> JointProof:
         ExportRefused: the verdict is not PASS, or the folder has other words than the design makes.
         InputError, OutOfRange, UnknownName: as `heatertune.zones.joint_proof.prove_zones`.
     """
-    made, path = design.provenance, Path(design.directory) / ZONES_FILE
+    origin, path = design.provenance, Path(design.directory) / ZONES_FILE
     if design.verdict != "PASS":
         raise ExportRefused(f"{path}: the joint proof is {design.verdict}; only words that pass are written")
-    tuner = JointTuner(design.fitted, design.words[0].target, scaling=made.scaling, structure=made.structure,
-                       sample_time_s=made.sample_time_s)
-    again = tuner.design_for(made.ms_zones).with_ramp(made.ramp)
-    for zone, own, words in zip(design.zones, design.words, again.words, strict=True):
-        if dict(own.values) != dict(words.values):
+    tuner = JointTuner(design.fitted, design.words[0].target, scaling=origin.scaling, structure=origin.structure,
+                       sample_time_s=origin.sample_time_s)
+    again = tuner.design_for(origin.ms_zones).with_ramp(origin.ramp)
+    for zone, stored_words, words in zip(design.zones, design.words, again.words, strict=True):
+        if dict(stored_words.values) != dict(words.values):
             raise ExportRefused(f"{path}: zone {zone}: its design makes other words than the file has, so it was "
                                 "changed; design the zones again")
-    proof = prove_zones(again, design.fitted, made.specification, made.conditions)
+    proof = prove_zones(again, design.fitted, origin.specification, origin.conditions)
     if proof.verdict != "PASS":
         raise ExportRefused(f"{path}: {proof.summary().splitlines()[0]}; only words that pass are written")
-    if proof.offsets_s != design.offsets_s or proof.actuator != made.actuator:
+    if proof.offsets_s != design.offsets_s or proof.actuator != origin.actuator:
         raise ExportRefused(f"{path}: the proof has another PWM than the file, so it was changed; design the zones "
                             "again")
     return proof

@@ -159,8 +159,8 @@ def _matlab(path: Path, data: bytes, tag: str | None) -> FormatTable:
         stored = loadmat(io.BytesIO(data), squeeze_me=True)
     except (matlab.MatReadError, zlib.error, NotImplementedError, ValueError, TypeError, OSError, LookupError,
             ArithmeticError, MemoryError) as problem:
-        wanted = "a whole one, saved with -v7, or text"
-        raise LogError("an unknown or damaged .mat file", file=path, expected=wanted) from problem
+        remedy = "a whole one, saved with -v7, or text"
+        raise LogError("an unknown or damaged .mat file", file=path, expected=remedy) from problem
     return _of_variables(path, "MATLAB", ((name, value) for name, value in stored.items() if name[:2] != "__"), tag)
 
 
@@ -258,12 +258,12 @@ def _html(path: Path, numbered: Sequence[Line], _: str | None) -> FormatTable:
     parser.feed("\n".join(line for _, line in numbered))
     widths = Counter(len(row) for _, row in parser.rows)
     width = max(widths, key=lambda number: number * widths[number], default=0)
-    kept = [(number, row) for number, row in parser.rows if len(row) == width and any(row)]
+    rows = [(number, row) for number, row in parser.rows if len(row) == width and any(row)]
     if width < _FEWEST:
         raise LogError("a page without a table", file=path, expected="a table of time and temperature")
     numbers = [number for number, _ in numbered]
-    return FormatTable.from_rows((), [(numbers[number - 1], row) for number, row in kept],
-                                 f"Table of a web page: {count(len(kept), 'row')} read.")
+    return FormatTable.from_rows((), [(numbers[number - 1], row) for number, row in rows],
+                                 f"Table of a web page: {count(len(rows), 'row')} read.")
 
 
 _FEWEST: Final = 2
@@ -319,11 +319,11 @@ _MONITOR: Final = re.compile(r"\s*(\d\d:\d\d:\d\d[.,]\d{3}) -> (.*)")
 
 def _monitor(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
     """Return the cells of the lines of a serial monitor, behind the time that it puts before each."""
-    found = [(number, match) for number, line in numbered if (match := _MONITOR.match(line)) is not None]
-    mark = next((mark for mark in "\t;," if found and mark in found[-1][1][2]), None)
+    lines = [(number, match) for number, line in numbered if (match := _MONITOR.match(line)) is not None]
+    mark = next((mark for mark in "\t;," if lines and mark in lines[-1][1][2]), None)
     return FormatTable.from_rows((), [(number, [
         "time" if k == 0 and re.match(r"[^\W\d]", match[2]) else match[1].replace(",", "."), *_cells(match[2], mark)])
-        for k, (number, match) in enumerate(found)], f"Serial monitor: {count(len(found), 'line')} read with its time.")
+        for k, (number, match) in enumerate(lines)], f"Serial monitor: {count(len(lines), 'line')} read with its time.")
 
 
 def _cells(text: str, mark: str | None) -> list[str]:
@@ -340,7 +340,7 @@ _OWN_LINE: Final = re.compile(r"[- ]*([^\W\d][^:=|│]*?) *[:=|│](?: ([^|│]*
 
 def _own_names(lines: Sequence[Line]) -> list[str]:
     """Return the names of the first record of lines that hold a value each, empty if they do not come again in turn."""
-    names = [found[1] for _, line in lines[:_LONGEST] if (found := _OWN_LINE.match(line)) is not None]
+    names = [match[1] for _, line in lines[:_LONGEST] if (match := _OWN_LINE.match(line)) is not None]
     record = [*dict.fromkeys(names)]
     return record if len(record) >= _FEWEST and names[len(record):2 * len(record)] == record else []
 
@@ -349,10 +349,10 @@ def _records(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
     """Return a row for each record."""
     names, rows = _own_names(numbered), list[tuple[int, list[str]]]()
     for number, line in numbered:
-        if (found := _OWN_LINE.match(line)) is not None and found[1] in names:
-            if found[1] == names[0] or not rows:
+        if (match := _OWN_LINE.match(line)) is not None and match[1] in names:
+            if match[1] == names[0] or not rows:
                 rows.append((number, [""] * len(names)))
-            rows[-1][1][names.index(found[1])] = (found[2] or "").strip()
+            rows[-1][1][names.index(match[1])] = (match[2] or "").strip()
     return FormatTable.from_rows(names, rows, f"A value in each line: {count(len(rows), 'record')} read.")
 
 
@@ -387,9 +387,9 @@ _FETCHED: Final = re.compile(r"(\d{9,10}): (.+)")
 
 def _fetch(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
     """Return what rrdtool fetch prints, whose first line names the sources."""
-    kept = [(number, [found[1], *found[2].split()]) for number, line in numbered if (found := _FETCHED.match(line))]
-    return FormatTable.from_rows(("time", *numbered[0][1].split()), kept,
-                                 f"Fetch of RRDtool: {count(len(kept), 'row')} read.")
+    rows = [(number, [match[1], *match[2].split()]) for number, line in numbered if (match := _FETCHED.match(line))]
+    return FormatTable.from_rows(("time", *numbered[0][1].split()), rows,
+                                 f"Fetch of RRDtool: {count(len(rows), 'row')} read.")
 
 
 WEB_TABLES: Final = (

@@ -62,15 +62,15 @@ def _ignition(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
     cells = [(number, row) for number, line in numbered for row in csv.reader([line.replace("\0", "")])]
     names = next(row for (_, before), (_, row) in pairwise(cells) if before[0] == "#NAMES")
     rows = next(k for k, (_, row) in enumerate(cells) if row[0] == "#ROWS") + 1
-    kept = [(number, row) for number, row in cells[rows:] if len(row) == len(names)]
-    return FormatTable.from_rows(names, kept, f"Data set of Ignition: {count(len(kept), 'row')} read.")
+    records = [(number, row) for number, row in cells[rows:] if len(row) == len(names)]
+    return FormatTable.from_rows(names, records, f"Data set of Ignition: {count(len(records), 'row')} read.")
 
 
 def _codesys(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
     """Return a trace that CODESYS saves as text: the time in milliseconds, then the variables of the third line."""
     names = numbered[2][1].split()
-    kept = [(number, cells) for number, line in numbered[3:] if len(cells := line.split()) == len(names)]
-    return FormatTable.from_rows(("time [ms]", *names[1:]), kept, f"Trace of CODESYS: {count(len(kept), 'row')} read, "
+    rows = [(number, cells) for number, line in numbered[3:] if len(cells := line.split()) == len(names)]
+    return FormatTable.from_rows(("time [ms]", *names[1:]), rows, f"Trace of CODESYS: {count(len(rows), 'row')} read, "
                                  "their first column as milliseconds.")
 
 
@@ -125,10 +125,10 @@ def _kiln(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
     """Return the control lines; the power is the share of the interval in which the elements were on."""
     rows = list[tuple[int, list[str]]]()
     for number, line in numbered:
-        if (found := _KILN.search(line)) is not None:
-            on, off = float(found[3]), float(found[4])
+        if (match := _KILN.search(line)) is not None:
+            on, off = float(match[3]), float(match[4])
             share = f"{on / (on + off):.6g}" if on + off > 0.0 else "0"
-            rows.append((number, [found[5], found[1], share, found[2]]))
+            rows.append((number, [match[5], match[1], share, match[2]]))
     return FormatTable.from_rows(
         ("run_time [s]", "temp", "power [0...1]", "target"), rows,
         f"Log of kiln-controller: {count(len(rows), 'line')} read; the power is heat_on of heat_on + heat_off.")
@@ -147,12 +147,12 @@ def _esphome(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
     has_sensor = any("°C with" in line for _, line in numbered)
     for number, raw in numbered:
         line = _COLOUR.sub("", raw)
-        found = _ESPHOME.search(line)
-        if found is not None and found[3] is None:
-            climate = found[2]
-        elif found is not None and (found[5] or found[1] != "sensor"):  # else the line is cut off
-            value = "" if found[3] == "nan" else f"{found[3]} {found[4] or ''}"
-            rows.append((number, [line_stamp(line), found[2], value.strip()]))
+        match = _ESPHOME.search(line)
+        if match is not None and match[3] is None:
+            climate = match[2]
+        elif match is not None and (match[5] or match[1] != "sensor"):  # else the line is cut off
+            value = "" if match[3] == "nan" else f"{match[3]} {match[4] or ''}"
+            rows.append((number, [line_stamp(line), match[2], value.strip()]))
         elif (part := _CLIMATE.search(line)) is not None and (part[1] == "Target" or not has_sensor):
             rows.append((number, [line_stamp(line), f"{climate} {part[1].lower()} temperature", f"{part[2]} °C"]))
     return FormatTable.from_rows(("time", "name", "value"), rows, f"Log of ESPHome: {count(len(rows), 'state')} read, "
@@ -174,12 +174,12 @@ def _line_protocol(_: Path, numbered: Sequence[Line], __: str | None) -> FormatT
 
     def fields() -> Iterator[list[str]]:
         for number, line in numbered:
-            if (found := _POINT.fullmatch(line)) is not None:
-                for name, value in _FIELD.findall(found[2]):
+            if (match := _POINT.fullmatch(line)) is not None:
+                for name, value in _FIELD.findall(match[2]):
                     if value[0] != '"':
-                        names[tag := f"{found[1]} {name}"] = name
+                        names[tag := f"{match[1]} {name}"] = name
                         lines.append(number)
-                        yield [found[3], tag, value.rstrip("iu")]
+                        yield [match[3], tag, value.rstrip("iu")]
 
     rows = Grid(fields(), len(_LONG))
     if len({tag.removesuffix(name) for tag, name in names.items()}) == 1:
@@ -196,14 +196,14 @@ def _artisan_csv(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTab
     """Return the curves of Artisan's CSV; its -1 is a reading that failed, its Time1 minutes and seconds."""
     unit = "degF" if "Unit:F" in numbered[0][1] else "degC"
     header = numbered[1][1].split("\t")
-    kept = [(number, line.split("\t")) for number, line in numbered[2:]]
-    whole = [(number, cells) for number, cells in kept if len(cells) == len(header) and _MINUTES.fullmatch(cells[0])]
+    table = [(number, line.split("\t")) for number, line in numbered[2:]]
+    whole = [(number, cells) for number, cells in table if len(cells) == len(header) and _MINUTES.fullmatch(cells[0])]
     places = [i for i, name in enumerate(header) if i and name not in ("Time2", "Event", "")]
     names = [f"{header[i]} temperature [{unit}]" if header[i] in ("ET", "BT") else header[i] for i in places]
     rows = [(number, _in_order([_of_minutes(cells[0]), *(_reading(header[i], cells[i]) for i in places)], names))
             for number, cells in whole]
     return FormatTable.from_rows(("time [s]", *_bean_first(names)), rows, f"CSV of Artisan: {count(len(rows), 'row')} "
-                                 f"read, {len(kept) - len(rows)} others left out.")
+                                 f"read, {len(table) - len(rows)} others left out.")
 
 
 _MINUTES: Final = re.compile(r"[0-9]{1,4}:[0-9]{2}(\.[0-9]+)?")
@@ -542,13 +542,13 @@ _LEAST_EPOCH: Final = 1e8
 
 def _series(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
     """Return the series of a query or of several items as a long table, named by the labels that they do not share."""
-    found = _series_in(json.loads("\n".join(line for _, line in numbered)))
-    labels = [dict(_flat(each.labels)) for each in found]
+    all_series = _series_in(json.loads("\n".join(line for _, line in numbered)))
+    labels = [dict(_flat(each.labels)) for each in all_series]
     shared = set.intersection(*(set(each.items()) for each in labels))
     rows = [[at, " ".join(sorted({value for name, value in each.items() if (name, value) not in shared})), value]
-            for each, series in zip(labels, found, strict=True) for at, value in series.points]
+            for each, series in zip(labels, all_series, strict=True) for at, value in series.points]
     rows.sort(key=lambda row: (float(row[0]), "") if is_number(row[0]) else (0.0, row[0]))
-    return FormatTable(_LONG, rows, list(range(1, len(rows) + 1)), [f"JSON: {len(found)} series read."])
+    return FormatTable(_LONG, rows, list(range(1, len(rows) + 1)), [f"JSON: {len(all_series)} series read."])
 
 
 #: 2026-03-14 09:58:00.123 [INFO ] [openhab.event.ItemStateChangedEvent   ] - Item 'Oven' changed from 20.3 to 20.4 °C
@@ -557,8 +557,8 @@ _OPENHAB: Final = re.compile(r"\bItem '([^']+)' (?:changed from .* to|updated to
 
 def _openhab(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
     """Return the states of items as a long table."""
-    rows = [(number, [line_stamp(line), found[1], found[2]])
-            for number, line in numbered if (found := _OPENHAB.search(line)) is not None]
+    rows = [(number, [line_stamp(line), match[1], match[2]])
+            for number, line in numbered if (match := _OPENHAB.search(line)) is not None]
     return FormatTable.from_rows(_LONG, rows, f"Events of openHAB: {count(len(rows), 'state')} read, "
                                  f"{len(numbered) - len(rows)} other lines passed over.")
 
@@ -572,16 +572,16 @@ def _sql(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
     rows: dict[str, list[tuple[int, list[str]]]] = {}
     names: dict[str, str] = {}
     for number, line in numbered:
-        if found := _INSERT.match(line):
-            cells = next(csv.reader([found[3]], quotechar="'", skipinitialspace=True))
-            rows.setdefault(found[1], []).append((number, cells))
-            names.setdefault(found[1], found[2] or "")
-        elif found := _CREATE.match(line):
-            names[found[1]] = ",".join(re.findall(r"(?:^|,)\s*[\"`]?(\w+)", found[2]))
-    table, kept = max(rows.items(), key=lambda pair: len(pair[1]))
+        if match := _INSERT.match(line):
+            cells = next(csv.reader([match[3]], quotechar="'", skipinitialspace=True))
+            rows.setdefault(match[1], []).append((number, cells))
+            names.setdefault(match[1], match[2] or "")
+        elif match := _CREATE.match(line):
+            names[match[1]] = ",".join(re.findall(r"(?:^|,)\s*[\"`]?(\w+)", match[2]))
+    table, records = max(rows.items(), key=lambda pair: len(pair[1]))
     header = [name.strip(' "`') for name in names[table].split(",")]
-    return FormatTable.from_rows(header if len(header) == len(kept[0][1]) else (), kept,
-                                 f"Dump of a database: {count(len(kept), 'row')} of the table {table!r} read.")
+    return FormatTable.from_rows(header if len(header) == len(records[0][1]) else (), records,
+                                 f"Dump of a database: {count(len(records), 'row')} of the table {table!r} read.")
 
 
 #: (0.0, 20.3, 60) or [0.0, 20.3, 60], in a line of its own
@@ -590,10 +590,10 @@ _ROW: Final = re.compile(r"[(\[]([^()\[\]{}]*,[^()\[\]{}]*)[)\]],?\s*")
 
 def _bracketed(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
     """Return the rows in brackets, as Python prints them or as JSON has them, with or without names in the first."""
-    found = [(number, [row[1]]) for number, line in numbered if (row := _ROW.fullmatch(line.strip())) is not None]
-    if not found:  # JSON that breaks no lines, or breaks rows
-        found = [*enumerate(([row] for row in _ROW.findall("\n".join(line for _, line in numbered))), start=1)]
-    rows = [(number, [cell.strip(" '\"\n") for cell in row[0].split(",")]) for number, row in found]
+    bodies = [(number, [row[1]]) for number, line in numbered if (row := _ROW.fullmatch(line.strip())) is not None]
+    if not bodies:  # JSON that breaks no lines, or breaks rows
+        bodies = [*enumerate(([row] for row in _ROW.findall("\n".join(line for _, line in numbered))), start=1)]
+    rows = [(number, [cell.strip(" '\"\n") for cell in row[0].split(",")]) for number, row in bodies]
     return FormatTable.from_rows((), rows, f"Rows in brackets: {count(len(rows), 'row')} read, "
                                  f"{max(len(numbered) - len(rows), 0)} other lines passed over.")
 

@@ -38,8 +38,8 @@ class NumberedLines(Sequence[Line]):
 
     def where(self, holds: Callable[[str], bool]) -> NumberedLines:
         """Return the lines whose text fulfils a condition."""
-        kept = np.fromiter(map(holds, self.texts), dtype=np.bool_, count=len(self))
-        return self if kept.all() else self.at_rows(kept)
+        mask = np.fromiter(map(holds, self.texts), dtype=np.bool_, count=len(self))
+        return self if mask.all() else self.at_rows(mask)
 
     def at_rows(self, places: npt.NDArray[np.bool_]) -> NumberedLines:
         """Return the lines that a mask of shape (n,) keeps."""
@@ -135,5 +135,5 @@ def matching(pattern: re.Pattern[str]) -> Callable[[Sequence[Line]], bool]:
 def line_stamp(line: str) -> str:
     """Return the time near the beginning of a line of a log, one with a date before others, or ""."""
     dated, clock = LINE_STAMP
-    found = dated.search(line, 0, _STAMP_WITHIN) or clock.search(line, 0, _STAMP_WITHIN)
-    return "" if found is None else found[0].replace(",", ".")
+    match = dated.search(line, 0, _STAMP_WITHIN) or clock.search(line, 0, _STAMP_WITHIN)
+    return "" if match is None else match[0].replace(",", ".")

@@ -42,25 +42,25 @@ _PAUSE_S: Final = 30.0  # without statistics: the host was restarted
 def _klippy(path: Path, numbered: Sequence[Line], tag: str | None) -> FormatTable:
     heaters, lines = dict[str, list[str]](), dict[str, list[int]]()
     for number, line in numbered:
-        if (found := _STATS.match(line)) is not None:
-            for name, target, degC, pwm in _HEATER.findall(line[found.end():]):
-                heaters.setdefault(name, []).extend((found[1], name, degC, pwm, target))
+        if (match := _STATS.match(line)) is not None:
+            for name, target, degC, pwm in _HEATER.findall(line[match.end():]):
+                heaters.setdefault(name, []).extend((match[1], name, degC, pwm, target))
                 lines.setdefault(name, []).append(number)
     sessions = {name: _sessions(cells) for name, cells in heaters.items()}
     moved = {name: max(by_degC for by_degC, *_ in parts) for name, parts in sessions.items()}
-    wanted, why = _heater_to_read(path, moved, tag)
-    parts = sessions[wanted]
-    kept = len(lines[wanted])
-    repairs = [f"klippy.log: {count(kept, 'line')} Stats of {wanted!r} read{why}, {len(numbered) - kept} others passed "
+    heater, why = _heater_to_read(path, moved, tag)
+    parts = sessions[heater]
+    size = len(lines[heater])
+    repairs = [f"klippy.log: {count(size, 'line')} Stats of {heater!r} read{why}, {len(numbered) - size} others passed "
                "over; power is what was sent last before each of them."]
     others = [name + (f", which moved by {moved[name]:.0f} °C" if moved[name] > _MOVED_DEGC else "")
-              for name in heaters if name != wanted]
+              for name in heaters if name != heater]
     if others:
         repairs.append(f"Other heaters in it: {', '.join(others)} (--tag).")
-    begins = tuple(lines[wanted][begin] for *_, begin in parts) if len(parts) > 1 else ()
+    begins = tuple(lines[heater][begin] for *_, begin in parts) if len(parts) > 1 else ()
     return FormatTable(
-        (_HEADER[0], "name", *_HEADER[1:], "setpoint [degC]"), _rows(heaters[wanted]), lines[wanted], repairs, begins,
-        parts.index(max(parts, key=lambda part: part[:2])) + 1 if begins else None, part="" if tag else wanted)
+        (_HEADER[0], "name", *_HEADER[1:], "setpoint [degC]"), _rows(heaters[heater]), lines[heater], repairs, begins,
+        parts.index(max(parts, key=lambda part: part[:2])) + 1 if begins else None, part="" if tag else heater)
 
 
 _CELLS: Final = 5  # of a report: time, heater, temperature, power, target
@@ -111,12 +111,12 @@ def _heater_to_read(path: Path, moved: Mapping[str, float], tag: str | None) -> 
     heated = [name for name, by_degC in moved.items() if by_degC > _MOVED_DEGC]
     if tag is None and len(heated) == 1 and len(moved) > 1:
         return heated[0], "" if heated[0] == _USUAL else ", the only heater that was heated"
-    wanted = tag or (_USUAL if _USUAL in moved else None) or (next(iter(moved)) if len(moved) == 1 else None)
-    if wanted not in moved:
+    heater = tag or (_USUAL if _USUAL in moved else None) or (next(iter(moved)) if len(moved) == 1 else None)
+    if heater not in moved:
         problem = "the printer has several heaters" if tag is None else "the printer has no such heater"
         raise LogError(problem, file=path, value=", ".join(moved) if tag is None else tag,
                        expected=f"--tag and one of {', '.join((heated if tag is None else []) or moved)}")
-    return str(wanted), ""
+    return str(heater), ""
 
 
 def _klipper_test(path: Path, numbered: Sequence[Line], _: str | None) -> FormatTable:
@@ -142,8 +142,8 @@ def _klipper_test(path: Path, numbered: Sequence[Line], _: str | None) -> Format
 def _kalico_test(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
     """Return the first table of heattest.csv."""
     end = next((k for k, (_, line) in enumerate(numbered) if _PEAKS.fullmatch(line)), len(numbered))
-    kept = [(number, [cell.strip() for cell in line.split(",")]) for number, line in numbered[1:end] if line.strip()]
-    return FormatTable.from_rows((*_HEADER, "setpoint [degC]"), kept, "heattest.csv of Kalico's PID_CALIBRATE: "
+    rows = [(number, [cell.strip() for cell in line.split(",")]) for number, line in numbered[1:end] if line.strip()]
+    return FormatTable.from_rows((*_HEADER, "setpoint [degC]"), rows, "heattest.csv of Kalico's PID_CALIBRATE: "
                                  f"{count(len(numbered) - end, 'line')} of its peaks passed over.")
 
 
@@ -171,10 +171,10 @@ def _reports(numbered: Sequence[Line]) -> tuple[dict[str, list[str]], dict[str, 
     for number, line in numbered:
         if not (parts := _PART.findall(line)):
             continue
-        if (sent := counts.get(found := (*_SENT.findall(line),))) is None:
-            sent = counts[found] = {name: f"{int(value)}" for letter, digit, value in sorted(found)
-                                    for name in ((letter or "T") + digit, *(() if letter + digit else ("T0",)))}
-            begins_with_bed = [each[:2] for each in found[:2]] == [("B", ""), ("", "")]
+        if (sent := counts.get(matches := (*_SENT.findall(line),))) is None:
+            sent = counts[matches] = {name: f"{int(value)}" for letter, digit, value in sorted(matches)
+                                      for name in ((letter or "T") + digit, *(() if letter + digit else ("T0",)))}
+            begins_with_bed = [match[:2] for match in matches[:2]] == [("B", ""), ("", "")]
             if begins_with_bed or max(map(int, sent.values()), default=0) > _MARLIN_FULL:
                 full = _EIGHT_BITS_FULL
         if not sent and (sent := {name: f"{int(value)}" for name, value in _SMOOTHIE.findall(line)}):
@@ -201,15 +201,15 @@ def _serial(path: Path, numbered: Sequence[Line], tag: str | None) -> FormatTabl
         problem = "the printer has several heaters" if tag is None else "the printer has no such heater"
         raise LogError(problem, file=path, value=", ".join(moved) if tag is None else tag,
                        expected=f"--tag and one of {', '.join((hot if tag is None else []) or moved)}")
-    wanted = tag or (hot or [*moved])[0]
-    cells = heaters[wanted]
+    heater = tag or (hot or [*moved])[0]
+    cells = heaters[heater]
     begin = 0 if all(cells[::_CELLS]) else 1  # without stamps
-    names = ", ".join(name for name in heaters if name != wanted)
+    names = ", ".join(name for name in heaters if name != heater)
     others = f"; other heaters: {names} (--tag)" if names else ""
     header = ("time", "name", "temperature [degC]", f"power [0...{full}]", "setpoint [degC]")
-    number = count(len(lines[wanted]), "line")
-    return FormatTable(header[begin:], _rows(cells, begin), lines[wanted], [
-        f"Reports of a printer: {number} of {wanted!r} read, its power as 0 to {full}{others}."])
+    number = count(len(lines[heater]), "line")
+    return FormatTable(header[begin:], _rows(cells, begin), lines[heater], [
+        f"Reports of a printer: {number} of {heater!r} read, its power as 0 to {full}{others}."])
 
 
 def _first_line(pattern: re.Pattern[str], lines: Sequence[Line]) -> bool:

@@ -433,9 +433,9 @@ class PowerProblem:
 
         The residuals are infinite if the gain has the wrong sign: that is no model.
         """
-        given = self.nothing_more(len(z)) if fixed is None else fixed
-        residuals, linear, cost = np.empty((len(z), records.shape[1])), np.zeros(given.values.shape), np.empty(len(z))
-        compile_function(project)(self._inputs(records, given), z, residuals, linear, cost, self._space)
+        terms = self.nothing_more(len(z)) if fixed is None else fixed
+        residuals, linear, cost = np.empty((len(z), records.shape[1])), np.zeros(terms.values.shape), np.empty(len(z))
+        compile_function(project)(self._inputs(records, terms), z, residuals, linear, cost, self._space)
         residuals[np.isinf(cost)] = np.inf
         return residuals, linear
 
@@ -453,9 +453,9 @@ class PowerProblem:
         Arguments as `solve`, but one record, shape (1, m), and one row of what is fixed may serve all vectors, which
         are quickest with those of the same lags in a row.
         """
-        given = self.nothing_more(1) if fixed is None else fixed
-        cost, left, linear = np.empty(len(z)), np.empty((1, records.shape[1])), np.zeros((1, self._width))
-        compile_function(project)(self._inputs(records, given), z, left, linear, cost, self._space)
+        terms = self.nothing_more(1) if fixed is None else fixed
+        cost, residuals, linear = np.empty(len(z)), np.empty((1, records.shape[1])), np.zeros((1, self._width))
+        compile_function(project)(self._inputs(records, terms), z, residuals, linear, cost, self._space)
         return cost
 
     def nothing_more(self, rows: int) -> FixedUnknowns:
@@ -497,10 +497,10 @@ class PowerProblem:
         """
         stays = np.arange(len(self.high)) == (-1 if fixed_index is None else fixed_index)
         high = np.where(stays, self.low, self.high)
-        given = self.nothing_more(1) if fixed is None else fixed
+        terms = self.nothing_more(1) if fixed is None else fixed
         z = starts.copy()
         work = paths(self._width, len(self.readings.time_s))
-        compile_function(descend)(self._inputs(records, given), z, (self.low, high), iterations, tolerance, self._space,
+        compile_function(descend)(self._inputs(records, terms), z, (self.low, high), iterations, tolerance, self._space,
                                   work)
         return z
 

@@ -85,11 +85,11 @@ class Readings:
         """Return edges and levels; where there are very many edges, only the largest stay exact."""
         if len(self.edge_s) <= _EDGES:
             return self.edge_s, self.level_pct
-        held = np.diff(self.edge_s, append=max(self.time_s[-1], self.edge_s[-1]) + 1e-9)
+        hold_s = np.diff(self.edge_s, append=max(self.time_s[-1], self.edge_s[-1]) + 1e-9)
         large = 1 + np.argpartition(np.abs(np.diff(self.level_pct)), -_EDGES // 2)[-_EDGES // 2 :]
-        count = -(-2 * len(held) // _EDGES)
-        starts = np.union1d(large, np.arange(1, len(held), count))  # the first level is also the one before the log
-        mean = np.add.reduceat(held * self.level_pct, starts) / np.add.reduceat(held, starts)
+        count = -(-2 * len(hold_s) // _EDGES)
+        starts = np.union1d(large, np.arange(1, len(hold_s), count))  # the first level is also the one before the log
+        mean = np.add.reduceat(hold_s * self.level_pct, starts) / np.add.reduceat(hold_s, starts)
         return self.edge_s[np.append(0, starts)], np.append(self.level_pct[0], mean)
 
     def _runs(self, count: int) -> npt.NDArray[np.intp]:
@@ -99,8 +99,8 @@ class Readings:
         if len(self.edge_s) * count < n:
             breaks[np.minimum(np.searchsorted(self.time_s, self.edge_s), n - 1)] = True
         breaks[np.searchsorted(self.time_s, self.restart_s)] = True
-        begun = np.maximum.accumulate(np.where(breaks, np.arange(n), 0))
-        return np.flatnonzero((np.arange(n) - begun) % count == 0)
+        run_start = np.maximum.accumulate(np.where(breaks, np.arange(n), 0))
+        return np.flatnonzero((np.arange(n) - run_start) % count == 0)
 
 
 def _apart(middle: Array, half: Array) -> Array:
@@ -162,10 +162,10 @@ def forced_response(
             now = time[i]
             out[i] = acting + y
             continue
-        begun, x_begun, y_begun, area = now, 0.0, 0.0, 0.0
+        begin, x_begin, y_begin, area = now, 0.0, 0.0, 0.0
         for part in range(2):  # to the begin of the reading, then over it
             target = time[i] + half[i] if part else time[i] - half[i]
-            begun, x_begun, y_begun, area = now, acting + x, acting + y, 0.0
+            begin, x_begin, y_begin, area = now, acting + x, acting + y, 0.0
             while now < target or edge <= target:
                 end = min(target, edge)
                 t = end - now
@@ -181,8 +181,8 @@ def forced_response(
                     j += 1
                     edge = edges[j] + dead if j < len(edges) else math.inf
         out[i] = acting + y
-        if now > begun:  # irregular runs may overlap so far that nothing is left of one
-            out[i] = (area - inner * (acting + x - x_begun) - outer * (acting + y - y_begun)) / (now - begun)
+        if now > begin:  # irregular runs may overlap so far that nothing is left of one
+            out[i] = (area - inner * (acting + x - x_begin) - outer * (acting + y - y_begin)) / (now - begin)
 
 
 def _decay(time: Array, half: Array, begun: float, lag: float, out: Array) -> None:

@@ -77,8 +77,8 @@ def _norms(  # noqa: PLR0913 - as it is compiled
 
     modes (4, n) and queues (4, delay + 2), one row of each answer, are working space; all three are zero.
     """
-    kept, changing, last = 0.0, 0.0, 0.0  # after the impulse: sum, filtered difference, last error
-    kept_load, changing_load, last_load = 0.0, 0.0, 0.0  # after the step
+    total, changing, last = 0.0, 0.0, 0.0  # after the impulse: sum, filtered difference, last error
+    total_load, changing_load, last_load = 0.0, 0.0, 0.0  # after the step
     for k in range(samples):
         error = 1.0 if k == 0 else 0.0
         for part in range(4):
@@ -89,13 +89,13 @@ def _norms(  # noqa: PLR0913 - as it is compiled
             if part < 3:
                 error -= gains[part] * y
             else:
-                kept_load -= y
+                total_load -= y
                 changing_load, last_load = past * changing_load + (1.0 - past) * (-y - last_load), -y
-        kept += error
+        total += error
         changing, last = past * changing + (1.0 - past) * (error - last), error
         here, then, earlier = k % (delay + 2), (k - delay) % (delay + 2), (k - delay - 1) % (delay + 2)
-        queues[0, here], queues[1, here], queues[2, here] = error, kept, changing
-        queues[3, here] = 1.0 + gains[0] * last_load + gains[1] * kept_load + gains[2] * changing_load
+        queues[0, here], queues[1, here], queues[2, here] = error, total, changing
+        queues[3, here] = 1.0 + gains[0] * last_load + gains[1] * total_load + gains[2] * changing_load
         for i in range(len(poles)):
             for part in range(3):
                 fed = now[i] * queues[part, then] + before[i] * queues[part, earlier]
@@ -161,7 +161,7 @@ class LoopBounds:
             return math.inf
         middle, half = (low + high) / 2.0, (high - low) / 2.0
         stable = [encloses_nothing(middle @ heater.parts, integrating=True) for heater in limited]
-        if any(seen == 2 and not calm for seen, calm in zip(verdicts, stable, strict=True)):
+        if any(verdict == 2 and not calm for verdict, calm in zip(verdicts, stable, strict=True)):
             return math.inf
         if not all(stable) or middle[0] <= 0.0:  # the reference gives no bound
             return least

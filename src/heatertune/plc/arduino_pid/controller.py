@@ -165,16 +165,16 @@ def from_text(text: str, _sample_time_s: float | None, source: str) -> ReadBack:
     """
     plain = blank_matches(_COMMENT, text.replace("\r\n", "\n").replace("\r", "\n"))
     demand_whole_lines(plain, source)
-    made = list(_PID.finditer(plain))
-    if len(made) != 1:
-        what = "no constructor of PID_v1" if not made else f"{len(made)} constructors of PID_v1"
+    constructors = list(_PID.finditer(plain))
+    if len(constructors) != 1:
+        what = "no constructor of PID_v1" if not constructors else f"{len(constructors)} constructors of PID_v1"
         raise InputError(f"{source}: {what}; expected the lines of one object, such as PID heater(&Input, &Output, "
                          "&Setpoint, 2.0, 5.0, 1.0, P_ON_E, DIRECT);")
-    constants, line, calls = _sketch_constants(plain), _line(plain, made[0].start()), _calls(plain, source)
-    _demand_known_functions(plain, made[0]["own"] or made[0]["made"], source)
+    constants, line, calls = _sketch_constants(plain), _line(plain, constructors[0].start()), _calls(plain, source)
+    _demand_known_functions(plain, constructors[0]["own"] or constructors[0]["made"], source)
     for call in calls["ControllerDirection"]:
         _demand_direct(call.arguments, call.line, source)
-    arguments = made[0][2] or made[0][4] or ""
+    arguments = constructors[0][2] or constructors[0][4] or ""
     gains, mode = _gains(arguments, line, calls["Tunings"], constants, source)
     collected = WordCollector(source, FIELDS)
     for field, (where, value) in zip(GAINS, gains, strict=True):
@@ -221,7 +221,7 @@ def _other_unit(reading: str, constants: Mapping[str, str]) -> list[str]:
 
 def _calls(plain: str, source: str) -> dict[str, list[_LibraryCall]]:
     """Return name → its calls; certain is one in setup(), or outside of all functions."""
-    found: dict[str, list[_LibraryCall]] = {
+    calls: dict[str, list[_LibraryCall]] = {
         name: [] for name in ("OutputLimits", "SampleTime", "Tunings", "ControllerDirection")}
     begins = [(match.start(), match[1]) for match in _FUNCTION.finditer(plain)]
     for match in _SETS.finditer(plain):
@@ -231,8 +231,8 @@ def _calls(plain: str, source: str) -> dict[str, list[_LibraryCall]]:
                         "a call with its brackets in the text")
         at, name = next(((at, name) for at, name in reversed(begins) if at < match.start()), (-1, "setup"))
         is_certain = name == "setup" and _is_unconditional(plain[max(at, 0):match.start()], depth=int(at >= 0))
-        found[match[1]].append(_LibraryCall(line, match[3].strip(), is_certain))
-    return found
+        calls[match[1]].append(_LibraryCall(line, match[3].strip(), is_certain))
+    return calls
 
 
 def _is_unconditional(before: str, depth: int) -> bool:
@@ -283,9 +283,9 @@ def _demand_direct(direction: str, line: int, source: str) -> None:
 def _full(plain: str, constants: Mapping[str, str], high: float, source: str) -> tuple[float, bool]:
     """Return the output at full power, and whether the text says so."""
     names = [name for name in constants if name.lower() in _FULLS]
-    named = _number(names[0], constants) if names else None
-    if named is not None:
-        return float(named), True
+    full_output = _number(names[0], constants) if names else None
+    if full_output is not None:
+        return float(full_output), True
     if names:
         raise InputError(f"{source}: {_shown(names[0], constants)}; expected one number, the output at full power")
     if _ANALOG.search(plain) and high <= FULL:

@@ -95,8 +95,8 @@ def step(
         reading: analog value, −32768…32767.
         _begins: not looked at: the PWM is behind the output.
     """
-    asked, _ = scale_reading(parameters[0], setpoint)
-    return _called(parameters[0], parameters[1], state, asked, reading)
+    sp_int, _ = scale_reading(parameters[0], setpoint)
+    return _called(parameters[0], parameters[1], state, sp_int, reading)
 
 
 def scan(

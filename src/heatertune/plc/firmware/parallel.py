@@ -222,15 +222,15 @@ def _summed_by_time(p: ParallelParameters, s: ParallelState, setpoint: float, re
         before = s.error if s.setpoint == setpoint else narrowed_to(
             p.narrow, s.error - narrowed_to(p.narrow, s.setpoint - setpoint))
         slope = narrowed_to(p.narrow, narrowed_to(p.narrow, error - before) / interval)
-    kept, slopes = 0, s.slopes
+    length, slopes = 0, s.slopes
     if p.samples > 1:
-        kept = min(s.sample_count + 1, p.samples)
+        length = min(s.sample_count + 1, p.samples)
         slopes = slopes[1:] + (slope,)  # noqa: RUF005 - unpacked, no compiler takes it
-        slope = _mean(p, slopes, kept)
-    both = narrowed_to(p.narrow, narrowed_to(p.narrow, p.kp * error) + 0.0 + total)
-    output = narrowed_to(p.narrow, both + narrowed_to(p.narrow, p.kd * slope))
+        slope = _mean(p, slopes, length)
+    pi_output = narrowed_to(p.narrow, narrowed_to(p.narrow, p.kp * error) + 0.0 + total)
+    output = narrowed_to(p.narrow, pi_output + narrowed_to(p.narrow, p.kd * slope))
     level = clamp(output, 0.0, 1.0) if output == output else s.output  # noqa: PLR0124 - neither output is set
-    return ParallelState(False, s.calls % _TEN + 1, total, 0.0, slope, reading, error, setpoint, level, 0.0, kept,
+    return ParallelState(False, s.calls % _TEN + 1, total, 0.0, slope, reading, error, setpoint, level, 0.0, length,
                          slopes, CONTROLLER)
 
 

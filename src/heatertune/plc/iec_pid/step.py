@@ -91,10 +91,10 @@ def scan(
     parameters: tuple[IecPidConstants, IecPidAssumptions], state: IecPidState, inputs: Mapping[str, float]
 ) -> tuple[IecPidState, float, float, int]:
     """Compute one scan with SP, PV and, where named, X0, AUTO and RUN."""
-    given = IecPidInputs(
+    block_inputs = IecPidInputs(
         inputs["SP"], inputs["PV"], inputs.get("X0", 0.0), bool(inputs.get("AUTO", 1)), bool(inputs.get("RUN", 1)),
     )
-    return _scanned(parameters[0], state, given)
+    return _scanned(parameters[0], state, block_inputs)
 
 
 def block_of(values: Mapping[str, float], assume: IecPidAssumptions) -> IecPidConstants:
@@ -118,8 +118,8 @@ def call(b: IecPidConstants, s: IecPidState, x: IecPidInputs) -> IecPidState:
         return IecPidState(False, s.e1, s.e2, s.e3, s.integral, single(0.0), False)
     error = single(x.sp - x.pv)
     if not abs(error) <= LARGEST:
-        asked = b.minimum if x.auto else _limited(b, x.x0)
-        return IecPidState(s.begun, s.e1, s.e2, s.e3, s.integral, asked, True)
+        safe_output = b.minimum if x.auto else _limited(b, x.x0)
+        return IecPidState(s.begun, s.e1, s.e2, s.e3, s.integral, safe_output, True)
     if not s.begun:
         s = IecPidState(True, error, error, error, single(0.0), s.output, False)
     proportional = single(b.kp * error)
@@ -140,12 +140,12 @@ def _automatic(b: IecPidConstants, s: IecPidState, error: float, proportional: f
         if total > highest:  # noqa: PLR1730
             total = highest
         integral = _within_range(s.integral, total)
-    wanted = single(proportional + integral)
+    demand = single(proportional + integral)
     if b.td != 0.0:
         slope = divide_single(single(single(single(3.0 * single(error - s.e3)) + s.e1) - s.e2), b.ten_t)
-        wanted = single(wanted + single(b.kp * single(b.td * slope)))
-    finite = abs(wanted) <= LARGEST
-    return IecPidState(True, error, s.e1, s.e2, integral, _limited(b, wanted), not finite)
+        demand = single(demand + single(b.kp * single(b.td * slope)))
+    finite = abs(demand) <= LARGEST
+    return IecPidState(True, error, s.e1, s.e2, integral, _limited(b, demand), not finite)
 
 
 def _scanned(b: IecPidConstants, state: IecPidState, x: IecPidInputs) -> tuple[IecPidState, float, float, int]:

@@ -155,19 +155,19 @@ def step(
              else (state.slope * (loop.smooth - REPORT_S) + change) / loop.smooth)
     error = setpoint - reading
     integral = _clamp(state.integral + error * REPORT_S, loop.most_integral)
-    wanted = loop.kp * error + loop.ki * integral - loop.kd * slope
-    asked = _clamp(wanted, loop.most)
-    if wanted != asked:
+    demand = loop.kp * error + loop.ki * integral - loop.kd * slope
+    duty = _clamp(demand, loop.most)
+    if demand != duty:
         integral = state.integral
-    flags = (1 if wanted > asked else 0) + (2 if asked == 0.0 else 0)
+    flags = (1 if demand > duty else 0) + (2 if duty == 0.0 else 0)
     if setpoint <= 0.0:
-        asked = 0.0
-    kept = state.since < loop.reports or state.duty == 0.0
-    if kept and abs(asked - state.duty) < loop.band:
+        duty = 0.0
+    may_wait = state.since < loop.reports or state.duty == 0.0
+    if may_wait and abs(duty - state.duty) < loop.band:
         after = KlipperState(True, reading, slope, integral, state.duty, min(state.since + 1, loop.reports))
         flags += 4
     else:
-        after = KlipperState(True, reading, slope, integral, asked, 1)
+        after = KlipperState(True, reading, slope, integral, duty, 1)
     return after, 100.0 * after.duty, after.duty, flags
 
 
@@ -212,10 +212,10 @@ def from_text(text: str, _sample_time_s: float | None, source: str, heater: str 
     demand_whole_lines(text, source)
     collected, printed = WordCollector(source, FIELDS), False
     for number, line in lines_of(text):
-        found = _PRINTED.search(line)
-        if found is not None and not line.startswith("#"):
+        match = _PRINTED.search(line)
+        if match is not None and not line.startswith("#"):
             printed = True
-            for field, value in zip(GAINS, found.groups(), strict=True):
+            for field, value in zip(GAINS, match.groups(), strict=True):
                 collected.put(field.name, _number(value), number, value)
     if printed:
         return _with_defaults(collected, ())

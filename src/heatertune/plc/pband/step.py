@@ -144,7 +144,7 @@ def _integral(
         return min(max(grown, -b.high), b.high)
     if assume.anti_windup == WITHIN:
         return min(max(grown, -proportional), b.high - proportional)
-    wanted = proportional + derivative + grown
-    if (wanted > b.high and grown > before) or (wanted < 0.0 and grown < before):
+    demand = proportional + derivative + grown
+    if (demand > b.high and grown > before) or (demand < 0.0 and grown < before):
         return before
     return grown

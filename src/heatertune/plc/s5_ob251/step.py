@@ -215,15 +215,15 @@ def _manual(p: Ob251Parameters, assume: Ob251Assumptions, state: Ob251State) -> 
     """Hold the output or approach YH, the algorithm not being computed: Y, YA and the calls since the switch."""
     approach = 0 if assume.approach_begins_anew else state.approach
     if p.steu & GESCHW:
-        wanted = 0.0 if p.steu & HANDART else float(p.manual)
+        target = 0.0 if p.steu & HANDART else float(p.manual)
     elif p.steu & HANDART:
-        wanted = float(state.output)
+        target = float(state.output)
     else:
         approach = state.approach
         on_the_way = state.total if assume.fraction_in_manual and approach > 0 else float(state.output)
-        wanted = float(p.manual) if approach + 1 >= _APPROACH else (p.manual + on_the_way) / 2.0
+        target = float(p.manual) if approach + 1 >= _APPROACH else (p.manual + on_the_way) / 2.0
         approach = min(approach + 1, _APPROACH)
-    total = min(max(wanted, float(p.lower)), float(p.upper))
+    total = min(max(target, float(p.lower)), float(p.upper))
     return total if assume.fraction_in_manual else float(int(total)), int(total), approach
 
 

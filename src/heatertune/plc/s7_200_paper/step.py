@@ -64,9 +64,9 @@ def _incremental_p(constants: Array, memory: Array, error: float, h: float) -> f
 def _pi_conditional(constants: Array, memory: Array, error: float, h: float) -> float:
     if memory[1] == 0.0:
         memory[0], memory[1] = constants[2], 1.0
-    wanted = constants[0] * error + memory[0]
-    power = _limited(wanted)
-    if power == wanted:
+    demand = constants[0] * error + memory[0]
+    power = _limited(demand)
+    if power == demand:
         memory[0] += constants[0] * h / constants[1] * error
     return power
 
@@ -74,9 +74,9 @@ def _pi_conditional(constants: Array, memory: Array, error: float, h: float) -> 
 def _pi_plain(constants: Array, memory: Array, error: float, h: float) -> float:
     if memory[1] == 0.0:
         memory[0], memory[1] = constants[2], 1.0
-    wanted = constants[0] * error + memory[0]
+    demand = constants[0] * error + memory[0]
     memory[0] += constants[0] * h / constants[1] * error
-    return _limited(wanted)
+    return _limited(demand)
 
 
 def _velocity_pi(constants: Array, memory: Array, error: float, h: float) -> float:

@@ -119,10 +119,10 @@ def pid_program(words: Words, head: Sequence[str] = ()) -> str:
 
 def _initialisation(words: Words) -> list[Network]:
     v = words.values
-    named = zip(("KC", "TS", "TI", "TD"), range(TABLE + 12, TABLE + 28, 4), strict=True)
+    addresses = zip(("KC", "TS", "TI", "TD"), range(TABLE + 12, TABLE + 28, 4), strict=True)
     return [
         Network("loop table: gain, sampling interval, times in minutes", [
-            "LD SM0.0", *[f"MOVR {real(v[name])}, VD{place}" for name, place in named],
+            "LD SM0.0", *[f"MOVR {real(v[name])}, VD{place}" for name, place in addresses],
         ]),
         Network("output and bias begin at 0", [
             "LD SM0.0", f"MOVR 0.0, VD{TABLE + 8}", f"MOVR 0.0, VD{TABLE + 28}", f"MOVW +1, {COUNTDOWN}",
@@ -197,13 +197,13 @@ def _setpoint(words: Words) -> list[Network]:
             Network("setpoint not above the range", [f"LDR>= {SETPOINT}, 1.0", f"MOVR 1.0, {SETPOINT}"]),
             Network("setpoint not below the range", [f"LDR<= {SETPOINT}, 0.0", f"MOVR 0.0, {SETPOINT}"]),
         ]
-    asked = SETPOINT_INPUT
+    input_word = SETPOINT_INPUT
     return [
-        Network("setpoint not above the range", [f"LDW>= {asked}, +32000", f"MOVW +32000, {asked}"]),
-        Network("setpoint not below the range", [f"LDW<= {asked}, +0", f"MOVW +0, {asked}"]),
+        Network("setpoint not above the range", [f"LDW>= {input_word}, +32000", f"MOVW +32000, {input_word}"]),
+        Network("setpoint not below the range", [f"LDW<= {input_word}, +0", f"MOVW +0, {input_word}"]),
         Network("setpoint asked for, reading and setpoint on its ramp in 32 bits", [
             "LD SM0.0", *(f"ITD {word}, {_RAMP[name]}" for name, word in (
-                ("ASKED", asked), ("READING", _READING), ("LEAD", _LED)))]),
+                ("ASKED", input_word), ("READING", _READING), ("LEAD", _LED)))]),
         *networks(setpoint_ramp(words.ramp), _RAMP),
         Network("setpoint on its ramp in 16 bits", ["LD SM0.0", f"MOVD {_RAMP['LEAD']}, AC0", f"MOVW AC0, {_LED}"]),
         Network("setpoint as a share of the range", _share(_LED, SETPOINT)),
@@ -269,8 +269,8 @@ def _pulses(collected: WordCollector, sample_time_s: float | None, source: str) 
     if interval is None:
         raise InputError(f"--called-every is needed: {source} has no sample time")
     collected.assume(ticks_of(whole_cycle(interval)))
-    called = () if sample_time_s else (f"called every {interval:g} s",)
-    return (*called, f"the heater is switched by a PWM with a cycle of {interval:g} s")
+    assumption = () if sample_time_s else (f"called every {interval:g} s",)
+    return (*assumption, f"the heater is switched by a PWM with a cycle of {interval:g} s")
 
 
 _PID: Final = re.compile(r"^\s*PID\s+VB\s?(\d+)", re.IGNORECASE | re.MULTILINE)
@@ -297,15 +297,15 @@ def _from_list(text: str, collected: WordCollector, sample_time_s: float | None,
         InputError: as `put_pasted`; no sample time, and no interval.
         NotRepresentable: an interval that the PWM program cannot do.
     """
-    asked = PastedNames(_REALS, _SHOWN, _UNITS_S, frozenset(_UNITS_S), "the S7-200's PID")
+    pasted_names = PastedNames(_REALS, _SHOWN, _UNITS_S, frozenset(_UNITS_S), "the S7-200's PID")
     plain = blank_matches(_COMMENT, text)
-    words = put_pasted(collected, plain, asked, _NEEDED, source)
+    words = put_pasted(collected, plain, pasted_names, _NEEDED, source)
     bare = [word.name for word in words if word.name in ("TI", "TD") and word.value and not word.has_unit]
     minutes = (f"{' and '.join(dict.fromkeys(bare))} in minutes",) if bare else ()
     if sample_time_s is not None:
         collected.assume({"TS": single(sample_time_s)})
     assumed = (*minutes, *_pulses(collected, sample_time_s, source))
-    return ReadBack(collected.values(), unread_lines(plain, asked), assumed=assumed)
+    return ReadBack(collected.values(), unread_lines(plain, pasted_names), assumed=assumed)
 
 
 def _from_memory(memory: DataBlockMemory, collected: WordCollector, sample_time_s: float | None) -> ReadBack:
@@ -341,11 +341,11 @@ def export_words(words: Words, certificate: Certificate) -> dict[str, str | byte
 
 
 def _by_hand(words: Words, certificate: Certificate) -> list[str]:
-    place, asked = SETPOINT if words.ramp is None else SETPOINT_INPUT, certificate.setpoint_degC
+    place, setpoint_degC = SETPOINT if words.ramp is None else SETPOINT_INPUT, certificate.setpoint_degC
     shown = place
-    if asked is not None:
-        word = measure(module(words.scaling, FULL // STEP, RANGES), asked)
-        shown = f"{place} = {word / FULL if words.ramp is None else word:.9g}, the proven {asked:g} degC"
+    if setpoint_degC is not None:
+        word = measure(module(words.scaling, FULL // STEP, RANGES), setpoint_degC)
+        shown = f"{place} = {word / FULL if words.ramp is None else word:.9g}, the proven {setpoint_degC:g} degC"
     return [
         f"CPU 22x; analog input module: the first input, {_range(words)}, is AIW0",
         "system block: analog input filter off for AIW0, for the proof reads without it",

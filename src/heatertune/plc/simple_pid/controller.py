@@ -98,8 +98,8 @@ def _scan(
     if not inputs.get("auto_mode", 1):
         return scan_result(p, again(s, True, s.output, 1.0, NOBODY))
     if s.begins and s.waited:  # back from manual: the I part begins where it is told
-        begun = clamp(float(inputs.get("last_output", 0.0)), p.least, p.most)
-        s = ParallelState(True, s.calls, begun, 0.0, 0.0, 0.0, 0.0, 0.0, s.output, 0.0)
+        integral = clamp(float(inputs.get("last_output", 0.0)), p.least, p.most)
+        s = ParallelState(True, s.calls, integral, 0.0, 0.0, 0.0, 0.0, 0.0, s.output, 0.0)
     setpoint, reading = float(inputs["setpoint"]), float(inputs["input_"])
     if "dt" not in inputs:
         return step(p, s, setpoint, reading, True)
@@ -144,34 +144,34 @@ def from_text(text: str, sample_time_s: float | None, source: str) -> ReadBack:
 
 
 def _read(body: Sequence[ast.stmt], sample_time_s: float | None, source: str) -> ReadBack:
-    calls = [node for each in body for node in ast.walk(each) if isinstance(node, ast.Call)
+    calls = [node for statement in body for node in ast.walk(statement) if isinstance(node, ast.Call)
              and _named(node.func) == "PID"]
     if len(calls) != 1:
         raise InputError(f"{source}: {len(calls) or 'no'} calls of PID; expected one, such as PID(2.0, 0.1, 0.0, "
                          "output_limits=(0, 100))")
     constants, call = _constants(body), calls[0]
-    given, lines = _arguments(call, constants, source), dict.fromkeys(_ORDER, call.lineno)
+    arguments, lines = _arguments(call, constants, source), dict.fromkeys(_ORDER, call.lineno)
     unstated = {name for number, name in enumerate(_GAIN_NAMES)
                 if number >= len(call.args) and all(keyword.arg != name for keyword in call.keywords)}
-    for line, name, value in _set_later(body, call, constants, given, source):
-        given[name], lines[name] = value, line
+    for line, name, value in _set_later(body, call, constants, arguments, source):
+        arguments[name], lines[name] = value, line
         unstated.discard(name)
-    collected, gains = WordCollector(source, FIELDS), {name: _number(given[name]) for name in _GAIN_NAMES}
+    collected, gains = WordCollector(source, FIELDS), {name: _number(arguments[name]) for name in _GAIN_NAMES}
     for name in (name for name, gain in gains.items() if gain is None):
-        collected.put(name, None, lines[name], str(given[name]))
-    most, full, assumed = _output(given["output_limits"], lines["output_limits"], constants, source)
-    collected.put("output_max", most, lines["output_limits"], str(given["output_limits"]))
+        collected.put(name, None, lines[name], str(arguments[name]))
+    most, full, assumed = _output(arguments["output_limits"], lines["output_limits"], constants, source)
+    collected.put("output_max", most, lines["output_limits"], str(arguments["output_limits"]))
     for name, gain in gains.items():
-        collected.put(name, None if gain is None else gain * (FULL / full), lines[name], str(given[name]))
+        collected.put(name, None if gain is None else gain * (FULL / full), lines[name], str(arguments[name]))
     for name in (_P_ON, _D_ON):
-        value = given[name]
+        value = arguments[name]
         collected.put(name, int(value) if isinstance(value, bool) else None, lines[name], str(value))
-    period, told = _period(given["sample_time"], body, constants, sample_time_s)
+    period, period_notes = _period(arguments["sample_time"], body, constants, sample_time_s)
     collected.put(_PERIOD, period, call.lineno, str(period))
-    slow = given["sample_time"]
-    assumed += [f"{name} = {given[name]:g}" for name in _GAIN_NAMES if name in unstated]
+    slow = arguments["sample_time"]
+    assumed += [f"{name} = {arguments[name]:g}" for name in _GAIN_NAMES if name in unstated]
     over = () if slow is None else (f"sample_time = {slow}: calls that come sooner are left out, which is not run",)
-    return ReadBack(collected.values(), over, assumed=(*assumed, *told, *_other_unit(body, call)))
+    return ReadBack(collected.values(), over, assumed=(*assumed, *period_notes, *_other_unit(body, call)))
 
 
 def _other_unit(body: Sequence[ast.stmt], constructor: ast.Call) -> list[str]:
@@ -259,15 +259,15 @@ def _statements_of(text: str) -> tuple[list[ast.stmt], Exception | None]:
 
 def _logical_lines(text: str) -> Iterator[tuple[int, str]]:
     """Yield lines, those joined between whose brackets a line ends, by the number of the first."""
-    begun, number = "", 1
+    buffer, number = "", 1
     for count, line in enumerate(text.split("\n"), start=1):
-        begun, number = (f"{begun}\n{line}", number) if begun else (line, count)
-        code = re.sub(r"#.*", "", begun)
+        buffer, number = (f"{buffer}\n{line}", number) if buffer else (line, count)
+        code = re.sub(r"#.*", "", buffer)
         if not any(code.count(left) > code.count(right) for left, right in ("()", "[]", "{}")):
-            yield number, begun
-            begun = ""
-    if begun:
-        yield number, begun
+            yield number, buffer
+            buffer = ""
+    if buffer:
+        yield number, buffer
 
 
 def _assignments(body: Sequence[ast.stmt], is_certain: bool = True) -> Iterator[tuple[ast.expr, ast.AST, bool]]:
@@ -308,8 +308,8 @@ def _set_later(
     """Yield line, name and value of what is set after the call; refuse what is set to several values, or perhaps."""
     before, changed = dict(arguments), set[str]()
     for target, value, is_certain in _own_attributes(body, call, constants, source):
-        held, is_all = _value(value, constants), target.attr == _TUNINGS
-        parts = held if is_all and isinstance(held, tuple) and len(held) == len(_GAIN_NAMES) else (held,)
+        setting, is_all = _value(value, constants), target.attr == _TUNINGS
+        parts = setting if is_all and isinstance(setting, tuple) and len(setting) == len(_GAIN_NAMES) else (setting,)
         for name, part in zip(_GAIN_NAMES if is_all else (target.attr,), parts, strict=False):
             if part != before[name] and (not is_certain or name in changed):
                 raise wrong(source, target.lineno, name, str(part), f"{before[name]} as before; leave in the text only "
@@ -344,11 +344,11 @@ def _arguments(call: ast.Call, constants: Mapping[str, ast.AST], source: str) ->
     if len(call.args) > len(_ORDER) or any(name not in _ORDER for name in names) or len(set(names)) != len(names):
         raise wrong(source, call.lineno, "PID", ast.unparse(call)[:60], f"{', '.join(_ORDER)}")
     values = [*call.args, *(keyword.value for keyword in call.keywords)]
-    given = _USUAL | {str(name): _value(value, constants) for name, value in zip(names, values, strict=True)}
+    by_name = _USUAL | {str(name): _value(value, constants) for name, value in zip(names, values, strict=True)}
     for name in ("auto_mode", "error_map", "starting_output"):
-        if given[name] != _USUAL[name]:
-            raise wrong(source, call.lineno, name, str(given[name]), f"{_USUAL[name]}: no other is proven here")
-    return given
+        if by_name[name] != _USUAL[name]:
+            raise wrong(source, call.lineno, name, str(by_name[name]), f"{_USUAL[name]}: no other is proven here")
+    return by_name
 
 
 def _named(function: ast.expr) -> str:

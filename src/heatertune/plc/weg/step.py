@@ -137,11 +137,11 @@ def scan(
 ) -> tuple[WegState, float, float, int]:
     """Compute one scan with SetPoint, Feedback and, where named, ManualSetPoint, SelectSetPoint and EN."""
     block, assume = parameters
-    given = WegInputs(
+    block_inputs = WegInputs(
         inputs["SetPoint"], inputs["Feedback"], inputs.get("ManualSetPoint", 0.0),
         bool(inputs.get("SelectSetPoint", 0)), bool(inputs.get("EN", 1)),
     )
-    return _scanned(block, assume, state, given)
+    return _scanned(block, assume, state, block_inputs)
 
 
 def _scanned(b: WegConstants, assume: WegAssumptions, state: WegState, x: WegInputs) -> tuple[WegState, float, float,
@@ -261,16 +261,16 @@ def _manual(b: WegConstants, assume: WegAssumptions, s: WegState, output: float,
 
 def _automatic(b: WegConstants, assume: WegAssumptions, s: WegState, reference: float, error: float) -> WegState:
     growth = single(b.growth * error)
-    wanted = _by_parts(b, s, error, growth) if assume.by_parts else _as_printed(b, s, error)
-    output = _limited(b, wanted)
+    demand = _by_parts(b, s, error, growth) if assume.by_parts else _as_printed(b, s, error)
+    output = _limited(b, demand)
     integral = single(s.integral + growth)
-    if output != wanted and assume.anti_windup == FREEZE:
+    if output != demand and assume.anti_windup == FREEZE:
         integral = s.integral
     elif assume.anti_windup == CLAMP and b.ki_ts != 0.0:  # without Ki, nothing would lead it on again
         proportional = single(b.kp * error)
         lowest, highest = single(b.minimum - proportional), single(b.maximum - proportional)
         integral = min(max(integral, lowest), highest)
-    return WegState(s.enabled, reference, error, _valid(s.integral, integral), output, not math.isfinite(wanted), False)
+    return WegState(s.enabled, reference, error, _valid(s.integral, integral), output, not math.isfinite(demand), False)
 
 
 def _as_printed(b: WegConstants, s: WegState, error: float) -> float:

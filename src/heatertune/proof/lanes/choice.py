@@ -128,8 +128,8 @@ def _has_rows(controller: LoopController) -> bool:
 def _loop_and_rows(controller: LoopController, *, two_lags: bool) -> tuple[Callable[..., None], int]:
     """Return the loop for a controller, and how many rows it needs."""
     core = controller.core
-    asked = _in_precision(controller, np.array(controller.setpoints))[0]
-    law = rows_of((_in_precision(controller, controller.state), asked if core.singles else asked.item()), ROWS)
+    setpoint = _in_precision(controller, np.array(controller.setpoints))[0]
+    law = rows_of((_in_precision(controller, controller.state), setpoint if core.singles else setpoint.item()), ROWS)
     scan = bound(run_scan, step=core.step, measure=core.measure, law_loaded=law.loaded, law_stored=law.stored,
                  lane_parameters=constant_function(_in_precision(controller, controller.parameters)),
                  setpoint_word_now=bound(setpoint_word_now, setpoint_word=core.store_setpoint))

@@ -129,11 +129,11 @@ def slowly(
     listed = NEVER
     for lane in range(lanes_of(rows)):
         i = loop_of(batch, first, lane)
-        own = meter_of(meter, i)
-        listed = min(listed, batch.event_time[i][_lived(rows, ring, window, lane, batch, own, i, t, steady)])
-    seen, rest = loaded_seen(rows, 0), loaded_rest(rows, 0)
-    resting = rest.start if rest.lasts and seen.phase == 0 else NEVER
-    return ScanState(listed, seen.phase, rest.lasts, resting)
+        loop_meter = meter_of(meter, i)
+        listed = min(listed, batch.event_time[i][_lived(rows, ring, window, lane, batch, loop_meter, i, t, steady)])
+    stats, rest = loaded_seen(rows, 0), loaded_rest(rows, 0)
+    resting = rest.start if rest.lasts and stats.phase == 0 else NEVER
+    return ScanState(listed, stats.phase, rest.lasts, resting)
 
 
 def _lived(  # noqa: PLR0913 - as `kernel.run`
@@ -145,7 +145,7 @@ def _lived(  # noqa: PLR0913 - as `kernel.run`
     edge_s, edge, last = u.due, u.edge, u.last
     second = loaded_second(rows, lane)
     plant, flow = plant_of(line, second), flow_of(stretch, stretch.now, stretch.y, loaded_inner(rows, lane).x)
-    seen, rest, happened = loaded_seen(rows, lane), loaded_rest(rows, lane), u.happened
+    stats, rest, happened = loaded_seen(rows, lane), loaded_rest(rows, lane), u.happened
     times, kinds = batch.event_time[i], batch.event_kind[i]
     whole, ends = Factors(line.whole, second.coupling, second.inner), False
     while not ends:  # the scan is the last event: so what each one needs is compiled once
@@ -153,17 +153,17 @@ def _lived(  # noqa: PLR0913 - as `kernel.run`
         felt = edge_s < times[happened] or (edge_s == times[happened] and kinds[happened] > HEAT)
         due = t if ends else min(times[happened], edge_s)
         after = advance_heater(flow, due, whole if ends and steady else factors(due - flow.now, plant))
-        seen, rest = measure_interval(own, seen, rest, plant, flow, after)
+        stats, rest = measure_interval(own, stats, rest, plant, flow, after)
         flow, steady = after, False
         if not ends:
             kind = HEAT if felt else kinds[happened]
             flow = apply_event(plant, after, kind, toggled_power(flow.heat) if felt else batch.event_value[i][happened])
-            seen, rest = end_phase(own, seen, rest, flow, kind)
+            stats, rest = end_phase(own, stats, rest, flow, kind)
             happened += not felt
             if felt:
                 last, edge = edge, next_edge(ring, window, lane, edge)
                 edge_s = edge + line.dead
-    stored_seen(rows, lane, seen)
+    stored_seen(rows, lane, stats)
     stored_rest(rows, lane, rest)
     stored_stretch(rows, lane, LaneStretch(t, flow.y, flow.target, flow.heat, flow.load, flow.mains))
     stored_point(rows, lane, Point(t, flow.y, False))
@@ -219,7 +219,7 @@ def group(  # noqa: PLR0913 - as `kernel.run`
     """
     period, end, noisy = pwm.heat[0], (batch.scans - 1) * scan_s, len(batch.noise[0]) > 1
     begin, tick, origin, t = 0.0, 0.0, 0.0, 0.0
-    begun = ticked = number = calls = scans = 0
+    period_count = ticked = number = calls = scans = 0
     window, shortest, longest = EdgeWindow(0, 0), NEVER, 0.0
     now = ScanState(0.0, 0, False, NEVER)  # an event is due, so the first scan is no quick one
     for lane in range(lanes_of(rows)):
@@ -239,7 +239,7 @@ def group(  # noqa: PLR0913 - as `kernel.run`
         supplied = program.supplied[now.phase]
         starts_up = calls == 0 and k > 0 and supplied
         if starts_up and apart(begin, k * scan_s, period):
-            origin, begin, tick, begun, ticked = t, t, t, 0, 0
+            origin, begin, tick, period_count, ticked = t, t, t, 0, 0
         cycle_start = tick <= t + INSTANT_S
         ticked, tick = ticked_on(origin, ticked, tick, t, period)
         if starts_up:
@@ -254,8 +254,8 @@ def group(  # noqa: PLR0913 - as `kernel.run`
         t = (k + 1) * scan_s
         while begin < t - INSTANT_S:
             switch_period(rows, ring, number, pwm, begin, end)
-            begun, number = begun + 1, number + 1
-            begin = origin + begun * period
+            period_count, number = period_count + 1, number + 1
+            begin = origin + period_count * period
     _ended(rows, meter, first, min(lanes_of(rows), len(batch.plants) - first), scans)
 
 

@@ -238,12 +238,12 @@ def _search_crossings(rows: Places, setpoint: float) -> None:
 
 def _split(rows: Places, lane: int, setpoint: float, band: float) -> None:
     """Measure a stretch on which the setpoint is crossed where it was found, in others not at all."""
-    seen, s, plant = loaded_seen(rows, lane), loaded_search(rows, lane), _plant(rows, lane)
+    stats, s, plant = loaded_seen(rows, lane), loaded_search(rows, lane), _plant(rows, lane)
     before, after = _before(rows, lane), _after(rows, lane)
     there = Flow(s.now, s.y, s.x, before.target, before.heat, before.load, before.mains)
     split, whole = absolute_by(setpoint, plant, before, there, after), abs(integral(setpoint, plant, before, after))
     stored_seen(rows, lane, phase_after_known(
-        seen, setpoint, band, 0.0, after.y, seen.settled, split if through(setpoint, before, after) else whole))
+        stats, setpoint, band, 0.0, after.y, stats.settled, split if through(setpoint, before, after) else whole))
 
 
 def _rests(rows: Places, lane: int, setpoint: float) -> None:

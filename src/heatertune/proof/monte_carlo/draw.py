@@ -413,12 +413,12 @@ def _parts(drawing: SampleRequest, rows: Array, scans: int) -> list[_SampleChunk
 
 
 def _chunks(places: npt.NDArray[np.intp], *, side_by_side: bool) -> list[_SampleChunk]:
-    rest = len(places) % STEP
-    beside = len(places) - (rest if rest < _LEAST else 0) if side_by_side else 0
+    remainder = len(places) % STEP
+    in_lanes = len(places) - (remainder if remainder < _LEAST else 0) if side_by_side else 0
     chunk = LANES * min(max(len(places) // (_CALLS * LANES), 1), _GROUPS)
-    return [_SampleChunk(own[begin:begin + chunk], way)
-            for own, way in ((places[:beside], True), (places[beside:], False))
-            for begin in range(0, len(own), chunk)]
+    return [_SampleChunk(part[begin:begin + chunk], way)
+            for part, way in ((places[:in_lanes], True), (places[in_lanes:], False))
+            for begin in range(0, len(part), chunk)]
 
 
 def replay(drawing: SampleRequest, seed: int, setting: int = 0, limits: LoopLimits | None = None) -> Trace:
@@ -452,10 +452,10 @@ def _heater(row: Array, centre: HeaterModel) -> HeaterModel:
     if centre.loss is not None:  # its curve keeps its own ambient; the scenario states the drawn one
         lags = {"second_time_constant_s": second} if second else {}
         return replace(centre, gain_degC_per_pct=gain, time_constant_s=first, dead_time_s=dead, **lags)
-    known = {"gain_degC_per_pct": gain, "time_constant_s": first, "dead_time_s": dead, "ambient_degC": ambient}
+    parameters = {"gain_degC_per_pct": gain, "time_constant_s": first, "dead_time_s": dead, "ambient_degC": ambient}
     if centre.fast_share is not None:
-        return replace(centre, **known, second_time_constant_s=second)
-    return TwoLag(**known, second_time_constant_s=second) if second else Fopdt(**known)
+        return replace(centre, **parameters, second_time_constant_s=second)
+    return TwoLag(**parameters, second_time_constant_s=second) if second else Fopdt(**parameters)
 
 
 def _sized(event: Disturbance, factor: float) -> Disturbance:
@@ -562,17 +562,17 @@ def prove_samples(
     """
     check("quantile", quantile, above=0.0, most=1.0)
     check("samples", count, least=1)
-    found = [_run(drawing, limits, min(_AT_ONCE, count - begun), seed + begun, workers)
-             for begun in range(0, count, _AT_ONCE)]
-    broken, strain = (np.concatenate([getattr(part, name) for part in found], axis=1) for name in ("broken", "strain"))
-    kept, hardest = np.count_nonzero(broken == 0, axis=1).tolist(), _hardest(broken, strain)
+    blocks = [_run(drawing, limits, min(_AT_ONCE, count - offset), seed + offset, workers)
+              for offset in range(0, count, _AT_ONCE)]
+    broken, strain = (np.concatenate([getattr(part, name) for part in blocks], axis=1) for name in ("broken", "strain"))
+    passing_counts, hardest = np.count_nonzero(broken == 0, axis=1).tolist(), _hardest(broken, strain)
     settings = tuple(SampledSetting(switches=controller.switches, passing_count=number)
-                     for controller, number in zip(drawing.controllers, kept, strict=True))
+                     for controller, number in zip(drawing.controllers, passing_counts, strict=True))
     return SampleProof(
         count=count, seed=seed, quantile=quantile, settings=settings, spread=drawing.spread,
-        passing=min(kept) / count, worst_seed=seed + int(hardest[0]) % count,
+        passing=min(passing_counts) / count, worst_seed=seed + int(hardest[0]) % count,
         broken=tuple(dict.fromkeys((seed + hardest[:np.count_nonzero(broken)][:_NAMED] % count).tolist())),
-        criteria=tuple(_spot(each) for each in zip(*(part.criteria for part in found), strict=True)))
+        criteria=tuple(_spot(each) for each in zip(*(part.criteria for part in blocks), strict=True)))
 
 
 class _SampledCriterion(NamedTuple):
@@ -638,5 +638,5 @@ def hardest_setting(drawing: SampleRequest, limits: LoopLimits, seed: int) -> in
     """
     if len(drawing.controllers) == 1:
         return 0
-    found = _run(drawing, limits, 1, seed, 1)
-    return int(_hardest(found.broken, found.strain)[0])
+    result = _run(drawing, limits, 1, seed, 1)
+    return int(_hardest(result.broken, result.strain)[0])

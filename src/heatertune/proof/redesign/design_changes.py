@@ -85,7 +85,7 @@ def broken(result: DesignResult) -> str:
     if _UNDER_LOAD & wound(result.proof.diagnostics):
         return "the return from an open circuit under a load"
     if names := briefly(result.proof.diagnostics):
-        return ", ".join(told for part, told in _BRIEFLY.items() if any(each.startswith(part) for each in names))
+        return ", ".join(text for part, text in _BRIEFLY.items() if any(name.startswith(part) for name in names))
     return ", ".join(result.proof.broken_criteria).replace("_", " ")
 
 
@@ -421,11 +421,11 @@ class _SwitchChoice:
         if controller_for(self.proof.words.target).most_power is None:
             return
         setpoint = self.proof.scenario.setpoint_degC
-        held = max(holding_power_pct(model, setpoint, ROOM_DEGC) for model in self.models)
-        at_low_mains = held / min((1.0, *(each.mains_power for each in self.proof.mains)))
-        held = at_low_mains if at_low_mains <= 100.0 - RESERVE_PCT else held
+        holding_pct = max(holding_power_pct(model, setpoint, ROOM_DEGC) for model in self.models)
+        at_low_mains = holding_pct / min((1.0, *(supply.mains_power for supply in self.proof.mains)))
+        holding_pct = at_low_mains if at_low_mains <= 100.0 - RESERVE_PCT else holding_pct
         for share in _RESERVES:
-            yield DesignChange(power_most_pct=float(round(held + share * (100.0 - held))))
+            yield DesignChange(power_most_pct=float(round(holding_pct + share * (100.0 - holding_pct))))
 
     def slower(self) -> list[DesignChange]:
         """Return a longer PWM period, which switches as often as the limit allows."""

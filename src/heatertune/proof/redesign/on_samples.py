@@ -48,14 +48,14 @@ def closed_on_samples(
         HeatertuneError: as `closed_on_runs`; as `heatertune.proof.monte_carlo.run.run_samples`.
     """
     drawn, fitted = request.sample_settings, for_setpoints(fitted, every_setpoint(fitted, request.conditions))
-    found = closed_on_runs(fitted, request, ways_on=ways_on, progress=progress, stage=stage)
+    plain = closed_on_runs(fitted, request, ways_on=ways_on, progress=progress, stage=stage)
     if drawn.samples is None:
-        return found
+        return plain
     progress(f"proving the parameters on {count(drawn.samples, 'sample')}")
-    first = _with_samples(found, fitted, drawn)
-    if request.as_is or found.proof.verdict == "FAIL" or _samples_of(first).verdict == "PASS" or _hopeless(first):
+    first = _with_samples(plain, fitted, drawn)
+    if request.as_is or plain.proof.verdict == "FAIL" or _samples_of(first).verdict == "PASS" or _hopeless(first):
         return first
-    if (mended := _made_for_more(first, found.proof.verdict, fitted, request, progress)) is not None or not ways_on:
+    if (mended := _made_for_more(first, plain.proof.verdict, fitted, request, progress)) is not None or not ways_on:
         return mended or first
     return _with_way_on(_remarked(first, f"{NOTHING_PASSES} makes the samples pass"), fitted, request, progress)
 
@@ -72,14 +72,14 @@ def _made_for_more(
         request: likewise.
         progress: likewise.
     """
-    drawn, found, heaters = request.sample_settings, first, dict[int, HeaterModel]()
+    drawn, latest, heaters = request.sample_settings, first, dict[int, HeaterModel]()
     drawing = drawing_for(first.proof.words, fitted, drawn.spread, first.conditions)
     same = request
     if request.conditions.setpoint_degC is None:  # it would hang on the heaters
         setpoint = first.proof.scenario.setpoint_degC
         same = replace(request, conditions=replace(request.conditions, setpoint_degC=setpoint))
     for _ in range(_MOST_ROUNDS):
-        new = [seed for seed in _samples_of(found).broken if seed not in heaters][:_MORE]
+        new = [seed for seed in _samples_of(latest).broken if seed not in heaters][:_MORE]
         heaters |= {seed: drawing.heater(seed) for seed in new}
         progress(f"too few samples keep every limit: trying a design that includes {len(heaters)} of them")
         try:
@@ -89,10 +89,10 @@ def _made_for_more(
             bare = _proven_on(fitted, request, wider)
         except HeatertuneError:  # there is no design for all of them
             return None
-        if (bare.proof.words, bare.conditions) == (found.proof.words, found.conditions):
+        if (bare.proof.words, bare.conditions) == (latest.proof.words, latest.conditions):
             return None  # what they break a limit by is not their heaters
-        found = _with_samples(bare, fitted, drawn)
-        if bare.proof.verdict in ("PASS", verdict) and _samples_of(found).verdict == "PASS":
+        latest = _with_samples(bare, fitted, drawn)
+        if bare.proof.verdict in ("PASS", verdict) and _samples_of(latest).verdict == "PASS":
             others = replace(drawn, seed=drawn.seed + _samples_of(first).count)
             return _changed(first, _with_samples(bare, fitted, others), len(heaters))
     return None
@@ -117,8 +117,8 @@ def _proven_on(fitted: FittedModel, request: DesignRequest, wider: DesignResult)
     choice = repeat_words(wider.ideal, fitted, recipe)
     proof = prove(choice.words, fitted, conditions)
     changes = [remark for remark in wider.proof.diagnostics.remarks if remark.startswith("with ")]
-    heard = replace(proof.diagnostics, remarks=(*proof.diagnostics.remarks, *changes))
-    return replace(wider, choice=choice, proof=replace(proof, diagnostics=heard), conditions=conditions, recipe=recipe)
+    basis = replace(proof.diagnostics, remarks=(*proof.diagnostics.remarks, *changes))
+    return replace(wider, choice=choice, proof=replace(proof, diagnostics=basis), conditions=conditions, recipe=recipe)
 
 
 def _with_way_on(first: DesignResult, fitted: FittedModel, request: DesignRequest,
@@ -127,13 +127,13 @@ def _with_way_on(first: DesignResult, fitted: FittedModel, request: DesignReques
     drawn = _samples_of(first)
     assumed, worst = drawn.settings[0].switches, min(drawn.settings, key=lambda setting: setting.passing_count).switches
     for name in (name for name, setting in assumed.items() if worst[name] != setting):
-        kept = [setting.passing_count for setting in drawn.settings if setting.switches[name] == assumed[name]]
-        if verdict_of_samples(drawn.count, drawn.quantile, kept) != "PASS":
+        counts = [setting.passing_count for setting in drawn.settings if setting.switches[name] == assumed[name]]
+        if verdict_of_samples(drawn.count, drawn.quantile, counts) != "PASS":
             continue
-        known, options = known_as(request, {name: assumed[name]})
+        variant, options = known_as(request, {name: assumed[name]})
         progress(f"too few samples keep every limit: trying {' '.join(options)}")
-        other = closed_on_samples(fitted, known, ways_on=False, progress=progress)
-        if other.proof.verdict == "PASS":
+        trial = closed_on_samples(fitted, variant, ways_on=False, progress=progress)
+        if trial.proof.verdict == "PASS":
             return replace(_remarked(first, pass_sentences(options)), passes_with=options)
     return first
 

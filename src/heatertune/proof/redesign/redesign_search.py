@@ -194,8 +194,8 @@ def find_passing_design(fitted: FittedModel, request: DesignRequest, *, progress
     Raises:
         HeatertuneError: as the stages on the plain design.
     """
-    found = closed_on_runs(fitted, request, progress=progress, stage=stage)
-    return replace(found, proof=as_exported(found.proof))
+    result = closed_on_runs(fitted, request, progress=progress, stage=stage)
+    return replace(result, proof=as_exported(result.proof))
 
 
 @judge_once()
@@ -219,8 +219,8 @@ def closed_on_runs(
     with SearchBudget(scans=math.inf) as plain:
         first = plainly(fitted, still, text=False, progress=progress, stage=stage)
     dear = plain.used > _DEAR_PROOF * MOST_SCANS
-    kept = first.proof.verdict != "FAIL" and not (first.proof.design and winds_up(first.proof.diagnostics))
-    if kept or request.as_is:
+    keeps_all = first.proof.verdict != "FAIL" and not (first.proof.design and winds_up(first.proof.diagnostics))
+    if keeps_all or request.as_is:
         return first
     search = RedesignSearch(
         fitted_model=fitted, request=request, first=first, progress=progress, freeing=freeing, has_dear_proofs=dear,
@@ -248,10 +248,10 @@ class GainSearch:
     proofs: int = 0
 
     def __post_init__(self) -> None:
-        self.request = asked = self.search.request_within(self.frame)
+        self.request = request = self.search.request_within(self.frame)
         self.family = GainFamily.of(
-            self.search.first.ideal, self.search.fitted_model, tune_settings_for(asked.tune_settings, asked.conditions),
-            asked.target, asked.scaling or Scaling())
+            self.search.first.ideal, self.search.fitted_model,
+            tune_settings_for(request.tune_settings, request.conditions), request.target, request.scaling or Scaling())
 
     def cheapest(self) -> DesignResult | None:
         """Return the cheapest that passes; None where none does, or where the frame helps too little to look on."""
@@ -290,13 +290,13 @@ class GainSearch:
 
     def look(self, place: GainPoint, bound: float = math.inf, screen: RunScreen | None = None) -> WorstRuns:
         """Return what the words at a place break in the runs that others have failed (None), or in others."""
-        design, asked = self.family.at(place), self.request
+        design, request = self.family.at(place), self.request
         if design is None:
             return WorstRuns(math.inf)
         try:
-            words = encode(design, asked.target, scaling=asked.scaling)
-            words = self.frame.on(with_cooling(words, asked.conditions.cooling_gain))
-            return (screen or self.search.screen).look(words, asked.conditions, bound=bound)
+            words = encode(design, request.target, scaling=request.scaling)
+            words = self.frame.on(with_cooling(words, request.conditions.cooling_gain))
+            return (screen or self.search.screen).look(words, request.conditions, bound=bound)
         except HeatertuneError as problem:
             self.search.way_on.left_out(self.search.summary(self.frame), problem)
             return WorstRuns(math.inf)
@@ -307,12 +307,12 @@ class GainSearch:
 
     def beside_a_ramp(self) -> Iterator[GainPoint]:
         """Return what to try with a ramp: the optimum, what helped so far, and what keeps all that no ramp mends."""
-        search, own = self.search, self.family.place
-        yield from dict.fromkeys((own, search.place or own))
+        search, optimum = self.search, self.family.place
+        yield from dict.fromkeys((optimum, search.place or optimum))
         if unled := {*search.first.proof.broken_criteria} - BY_RAMP:
             screen = RunScreen(fitted_model=search.fitted_model, names=frozenset(unled)).with_failed(search.first.proof)
-            kept = next((place for place in self.family.places() if self.keeps(place, screen)), own)
-            yield from dict.fromkeys((self.bisect(kept, screen), kept) if kept != own else ())
+            point = next((place for place in self.family.places() if self.keeps(place, screen)), optimum)
+            yield from dict.fromkeys((self.bisect(point, screen), point) if point != optimum else ())
 
     def bisect(self, place: GainPoint, screen: RunScreen | None = None) -> GainPoint:
         """Return what still keeps them nearest to the optimum on the way to a place that does."""
@@ -342,13 +342,13 @@ class GainSearch:
             InputError: no gain keeps the limits there.
             HeatertuneError: as `choose_words`.
         """
-        design, asked, fitted, first = self.family.at(place), self.request, self.search.fitted_model, self.search.first
+        design, request, fit, first = self.family.at(place), self.request, self.search.fitted_model, self.search.first
         if design is None:
             raise InputError("no gain keeps the limits")
         if design is first.ideal and not self.search.request.refined:
             return first.ideal, replace(first.choice, words=self.frame.on(first.choice.words))
-        assessed = assessed_sampled(loop_fit(fitted, asked.target, asked.scaling).plants, design)
-        choice = choose_words(assessed, asked.target, fitted, scaling=asked.scaling, way=asked.words_by)
+        assessed = assessed_sampled(loop_fit(fit, request.target, request.scaling).plants, design)
+        choice = choose_words(assessed, request.target, fit, scaling=request.scaling, way=request.words_by)
         return assessed, replace(choice, words=self.frame.on(choice.words))
 
 
@@ -420,10 +420,10 @@ class RedesignSearch:
                     return mended
             wound = tuple(self.wound)
             if not self.dear and (wound or self._windup_alone):
-                found = (self.with_boost(wound) or (self.with_lower_output(wound) if wound else None)
-                         or self.with_boost(wound, sooner=True) or (self.with_slow_ramp(wound) if wound else None))
-                if found is not None:
-                    return found
+                result = (self.with_boost(wound) or (self.with_lower_output(wound) if wound else None)
+                          or self.with_boost(wound, sooner=True) or (self.with_slow_ramp(wound) if wound else None))
+                if result is not None:
+                    return result
         if self.dear:
             best = min(self.dear, key=more)
             return self._ended(self.dear[0] if more(best) > _CHEAPER * more(self.dear[0]) else best)
@@ -435,16 +435,16 @@ class RedesignSearch:
         """Return a design that says that the search ended early, where it did."""
         if not self.budget.spent:
             return result
-        told, notes = f"{self.budget.message}; this is the best so far", result.notes
-        return replace(result, notes=(*notes, f"{told[0].upper()}{told[1:]}."), proof=result.proof.led_by(told))
+        reason, notes = f"{self.budget.message}; this is the best so far", result.notes
+        return replace(result, notes=(*notes, f"{reason[0].upper()}{reason[1:]}."), proof=result.proof.led_by(reason))
 
     def _mended(self) -> Iterator[DesignResult]:
         """Yield what keeps every limit of each frame, and does not wind up."""
-        asked, words = self.request, self.first.proof.words
+        request, words = self.request, self.first.proof.words
         for frame in design_changes(
-            self.first.proof, self.fitted_model.plants, asked.tune_settings, ramp_open=asked.setpoint_ramp is None,
+            self.first.proof, self.fitted_model.plants, request.tune_settings, ramp_open=request.setpoint_ramp is None,
             boost_open=self._boost_open,
-            period_given=asked.switch_kind is not None or asked.conditions.pwm_period_s is not None,
+            period_given=request.switch_kind is not None or request.conditions.pwm_period_s is not None,
             interval_given=self._interval_given,
             least_interval_s=min(self.fitted_model.log_interval_s, words.sample_time_s),
         ):
@@ -486,10 +486,10 @@ class RedesignSearch:
         self.progress(f"{why}: trying a boost with other gains")
         self.screen = self.screen.with_nights(each.proof for _, each in wound)
         helped = DesignChange() if self.best is None else self.best.frame
-        asked = (DesignChange(), replace(helped, ramp=None))
-        for before in dict.fromkeys(shorter_intervals(self.first.proof.words) if sooner else asked):
-            if (found := self._unwinding(before.with_(DesignChange(has_boost=True)))) is not None:
-                return found
+        bases = (DesignChange(), replace(helped, ramp=None))
+        for before in dict.fromkeys(shorter_intervals(self.first.proof.words) if sooner else bases):
+            if (result := self._unwinding(before.with_(DesignChange(has_boost=True)))) is not None:
+                return result
         return None
 
     def with_lower_output(self, wound: Sequence[tuple[DesignChange, DesignResult]]) -> DesignResult | None:
@@ -511,8 +511,8 @@ class RedesignSearch:
         for whole in (*(before.with_(limit) for limit in limits for before in (*unled, *led)), *unled,
                       *(before.with_(change) for before in led for change in defaults)):
             self.progress(f"what passes winds up: trying {self.summary(whole) or 'other gains'}")
-            if (found := self._unwinding(whole)) is not None:
-                return found
+            if (result := self._unwinding(whole)) is not None:
+                return result
         return None
 
     def with_slow_ramp(self, wound: Sequence[tuple[DesignChange, DesignResult]]) -> DesignResult | None:
@@ -608,18 +608,18 @@ class RedesignSearch:
             return
         hanging = setting_sentences(self.first.proof, "the optimum")
         yield from hanging
-        if not hanging and more_iae(self.first, mended) > DEAR and (told := self._cheaper_setting(mended)):
-            yield f"It {told}."
+        if not hanging and more_iae(self.first, mended) > DEAR and (sentence := self._cheaper_setting(mended)):
+            yield f"It {sentence}."
 
     def _cheaper_setting(self, mended: DesignResult) -> str:
         """Return what is told of a setting of an open point with which a cheaper design passes; "" where none does."""
         more = partial(more_iae, self.first)
-        wound = min((found for _, found in self.wound), key=more, default=None)
+        wound = min((result for _, result in self.wound), key=more, default=None)
         with SearchBudget():
-            for found in filter(None, (self.first, wound)):
-                known = self.way_on.with_settings(found)
-                if known is not None and more(known[0]) <= _CHEAPER * more(mended):
-                    return pass_sentence(*known)
+            for result in filter(None, (self.first, wound)):
+                alternative = self.way_on.with_settings(result)
+                if alternative is not None and more(alternative[0]) <= _CHEAPER * more(mended):
+                    return pass_sentence(*alternative)
         return ""
 
     def within(self, frame: DesignChange) -> DesignResult | None:
@@ -656,36 +656,36 @@ class RedesignSearch:
 
     def try_design(self, frame: DesignChange, trial: Candidate) -> DesignResult | None:
         """Return a design with its price where it passes, with the first boost that does where the frame has one."""
-        found: Iterable[Boost | None] = (
+        variants: Iterable[Boost | None] = (
             boosts(trial[1].words, self.screen, self.request_within(frame).conditions) if frame.has_boost else [None])
-        tried = (self.prove_design(frame, trial, boost) for boost in found)
+        tried = (self.prove_design(frame, trial, boost) for boost in variants)
         return next((mended for mended in tried if mended is not None), None)
 
     def prove_design(self, frame: DesignChange, trial: Candidate, boost: Boost | None = None) -> DesignResult | None:
         """Return a design with its price where it passes; else the runs that it fails are watched."""
-        asked, by = self.request_within(frame), trial[1]
+        request, by = self.request_within(frame), trial[1]
         trial = trial[0], replace(by, words=by.words.with_boost(boost))
-        plain = self.first.proof if asked.conditions == self.first.conditions else None
+        plain = self.first.proof if request.conditions == self.first.conditions else None
         try:
-            tried = plainly(self.fitted_model, asked, candidate=trial, plain=plain, text=False, progress=self.progress)
+            case = plainly(self.fitted_model, request, candidate=trial, plain=plain, text=False, progress=self.progress)
         except HeatertuneError as problem:
             self.way_on.left_out(self.summary(frame), problem)
             return None
-        if tried.proof.verdict == "FAIL":
-            self.watch_failed_runs(tried.proof)
+        if case.proof.verdict == "FAIL":
+            self.watch_failed_runs(case.proof)
             return None
-        held = "" if (hold := tried.proof.hold_degC) is None else f"a holdback of {hold:.3g} °C"
-        gains = gain_factors_text(self.first.ideal, trial[0]) if tried.proof.design else ""
-        what = " and ".join(filter(None, (gains, self.summary(frame), held))) + ("" if boost is None else f" ({boost})")
-        heard = tried.proof.diagnostics
-        proof = replace(tried.proof, diagnostics=replace(heard, remarks=(*heard.remarks, f"with {what}")))
-        recipe = replace(tried.recipe, power_most_pct=frame.power_most_pct, window_degC=frame.window_degC,
+        text = "" if (hold := case.proof.hold_degC) is None else f"a holdback of {hold:.3g} °C"
+        gains = gain_factors_text(self.first.ideal, trial[0]) if case.proof.design else ""
+        what = " and ".join(filter(None, (gains, self.summary(frame), text))) + ("" if boost is None else f" ({boost})")
+        diagnostics = case.proof.diagnostics
+        proof = replace(case.proof, diagnostics=replace(diagnostics, remarks=(*diagnostics.remarks, f"with {what}")))
+        recipe = replace(case.recipe, power_most_pct=frame.power_most_pct, window_degC=frame.window_degC,
                          refined=self.request.refined and by is self.first.choice)
-        mended = replace(tried, proof=proof, recipe=recipe,
-                         notes=(change_sentence(self.first, tried, what), *tried.notes))
-        if winds_up(heard):
+        mended = replace(case, proof=proof, recipe=recipe,
+                         notes=(change_sentence(self.first, case, what), *case.notes))
+        if winds_up(diagnostics):
             self.wound.append((frame, mended))
-        if not briefly(heard):
+        if not briefly(diagnostics):
             return mended
-        self.watch_failed_runs(tried.proof)
+        self.watch_failed_runs(case.proof)
         return None

@@ -55,9 +55,9 @@ _HOPELESS: Final = 1.2  # of the band: no open point is what it fails for
 
 def known_as(request: DesignRequest, settings: Mapping[str, str]) -> tuple[DesignRequest, tuple[str, ...]]:
     """Return what is asked for where settings of open points are known, and the options that say so."""
-    known = {**request.conditions.switches, **settings}
+    switches = {**request.conditions.switches, **settings}
     options = tuple(word for name, setting in settings.items() for word in ("--assume", f"{name}={setting}"))
-    return replace(request, conditions=replace(request.conditions, switches=known)), options
+    return replace(request, conditions=replace(request.conditions, switches=switches)), options
 
 
 def free_request(request: DesignRequest) -> tuple[tuple[str, ...], DesignRequest]:
@@ -140,23 +140,23 @@ class Suggestion:
         first, proof = self.first, self.first.proof
         share, coarse = self._coarse()
         why = coarse if share >= COARSE else None
-        told, options = "", tuple[str, ...]()
+        advice, options = "", tuple[str, ...]()
         with SearchBudget() as budget:
             options = self._by_repair() or self._by_design() or self._by_switch() or self._by_more_scans()
             if not options:
-                told, options = self.by_settings()
+                advice, options = self.by_settings()
             options = (options or self._by_setpoint() or self._by_tolerance() or self._by_limits()
                        or self._by_both())
-        if not told:
+        if not advice:
             ended = ended or (budget.message if budget.spent else "")
             would = f"would pass at {' '.join(options)}" if options else self._hopeless(whole=not ended)
             if not options and self.unproven:
                 options = self.unproven
                 would = f"{BREAKS_NONE} {' '.join(options)}"
-            told = "; ".join(filter(None, (would, wider_limits_text(options), why, ended)))
-        note = f"The requested optimum fails: {broken_limits_text(proof.criteria)}; {told}."
-        return replace(first, proof=proof.led_by(told), notes=(*first.notes, note, *self.untried),
-                       passes_with=options, recipe=replace(first.recipe, way_on=told))
+            advice = "; ".join(filter(None, (would, wider_limits_text(options), why, ended)))
+        note = f"The requested optimum fails: {broken_limits_text(proof.criteria)}; {advice}."
+        return replace(first, proof=proof.led_by(advice), notes=(*first.notes, note, *self.untried),
+                       passes_with=options, recipe=replace(first.recipe, way_on=advice))
 
     def against_windup(self, wound_up: Sequence[DesignResult]) -> DesignResult:
         """Return the first of several designs that wind up; its proof says what passes.
@@ -164,25 +164,25 @@ class Suggestion:
         That is another design, a setting of an open point, a smaller range of use, its upper end or a larger limit, in
         this order. What another one of the designs would need counts, too.
         """
-        found, *_ = wound_up
+        best, *_ = wound_up
         different = {repr(each.proof.words): each for each in wound_up}.values()
-        told, options = "", tuple[str, ...]()
+        advice, options = "", tuple[str, ...]()
         with SearchBudget(scans=0.5 * MOST_SCANS):  # of its own: what it leaves may be too little for the rest
             options = self._by_design(wound_up=True)
         with SearchBudget() as budget:
             if not options:
-                told, options = self.by_settings(found)
+                advice, options = self.by_settings(best)
             for way in (self._by_range, self._by_upper_end, self._by_overshoot):
                 options = options or next(filter(None, map(way, different)), ())
-        told = told or ("; ".join(filter(None, (f"would pass at {' '.join(options)}", wider_limits_text(options))))
-                        if options else "")
-        if budget.spent and not told:
-            return replace(found, proof=found.proof.led_by(budget.message))
-        if not told:
-            return found
-        shorts = " and ".join(KINDS[name].short for name in sorted(wound(found.proof.diagnostics)))
-        note = f"{shorts[0].upper()}{shorts[1:]}; it {told}."
-        return replace(found, proof=found.proof.led_by(told), notes=(*found.notes, note), passes_with=options)
+        advice = advice or ("; ".join(filter(None, (f"would pass at {' '.join(options)}", wider_limits_text(options))))
+                            if options else "")
+        if budget.spent and not advice:
+            return replace(best, proof=best.proof.led_by(budget.message))
+        if not advice:
+            return best
+        shorts = " and ".join(KINDS[name].short for name in sorted(wound(best.proof.diagnostics)))
+        note = f"{shorts[0].upper()}{shorts[1:]}; it {advice}."
+        return replace(best, proof=best.proof.led_by(advice), notes=(*best.notes, note), passes_with=options)
 
     def _by_repair(self) -> tuple[str, ...]:
         target = REPAIRED.get(self.request.target)
@@ -205,9 +205,9 @@ class Suggestion:
 
     def _passes(self, proof: Proof) -> bool:
         """Return whether a proof keeps every limit, and nothing blocks it but what the log or the first design has."""
-        known = {finding.name for finding in (*self.fitted_model.findings, *self.first.proof.diagnostics.findings)}
+        baseline = {finding.name for finding in (*self.fitted_model.findings, *self.first.proof.diagnostics.findings)}
         blocks = {view.name for view in proof.diagnostics.views if view.effect == "blocks" and not view.accepted}
-        return proof.verdict != "FAIL" and blocks <= known
+        return proof.verdict != "FAIL" and blocks <= baseline
 
     def by_settings(self, result: DesignResult | None = None) -> tuple[str, tuple[str, ...]]:
         """Return what is told where one setting of an open point would do, and its options; nothing where none does.
@@ -215,9 +215,9 @@ class Suggestion:
         Args:
             result: the design that fails or winds up; None: the plain one.
         """
-        if (known := self.with_settings(result or self.first)) is None:
+        if (alternative := self.with_settings(result or self.first)) is None:
             return "", ()
-        return pass_sentence(*known), known[1]
+        return pass_sentence(*alternative), alternative[1]
 
     def with_settings(self, result: DesignResult) -> tuple[DesignResult, tuple[str, ...]] | None:
         """Return the design that passes where one setting of an open point is known, and its options; None: none does.
@@ -226,15 +226,15 @@ class Suggestion:
             result: the design that fails or winds up.
         """
         proof = result.proof
-        settings = {name: kept[0] for name, kept in passing_settings(proof).items()}
+        settings = {name: passing[0] for name, passing in passing_settings(proof).items()}
         settings = dict(list(settings.items())[:1]) or (
             suspects(proof, _settings_that_wind_up(proof)) if self._coarse()[0] < _HOPELESS else {})
         if not settings:
             return None
-        asked, options = known_as(self.request, settings)
+        request, options = known_as(self.request, settings)
         self.progress(f"{broken(self.first)} fails: trying {' '.join(options)}")
-        other = self.close(self.fitted_model, asked, progress=self.progress)
-        return None if other.proof.verdict == "FAIL" or winds_up(other.proof.diagnostics) else (other, options)
+        trial = self.close(self.fitted_model, request, progress=self.progress)
+        return None if trial.proof.verdict == "FAIL" or winds_up(trial.proof.diagnostics) else (trial, options)
 
     def _by_range(self, result: DesignResult) -> tuple[str, ...]:
         """Return the option of a smaller range of use, where its lower end is all that a design fails at; else none."""
@@ -256,8 +256,8 @@ class Suggestion:
     def _by_setpoints(
         self, result: DesignResult, setpoints_degC: Sequence[float | tuple[float, float]]
     ) -> tuple[str, ...]:
-        proof, asked = result.proof, self.request
-        if not wound(proof.diagnostics) <= OF_RANGE or asked.conditions.profile is not None:
+        proof, request = result.proof, self.request
+        if not wound(proof.diagnostics) <= OF_RANGE or request.conditions.profile is not None:
             return ()
         screen = RunScreen(fitted_model=self.fitted_model).with_nights([proof])
         for ends in setpoints_degC:
@@ -265,12 +265,12 @@ class Suggestion:
                 continue
             option = "--setpoint", f"{ends[0]:g} {ends[1]:g}" if isinstance(ends, tuple) else f"{ends:g}"
             self.progress(f"it winds up: trying {' '.join(option)}")
-            smaller = replace(asked, conditions=replace(asked.conditions, setpoint_degC=ends))
+            smaller = replace(request, conditions=replace(request.conditions, setpoint_degC=ends))
             try:
-                other = self.close(self.fitted_model, smaller, progress=self.progress)
+                trial = self.close(self.fitted_model, smaller, progress=self.progress)
             except HeatertuneError:  # the range is too small for a story
                 continue
-            if other.proof.verdict != "FAIL" and not winds_up(other.proof.diagnostics):
+            if trial.proof.verdict != "FAIL" and not winds_up(trial.proof.diagnostics):
                 return option
         return ()
 
@@ -286,11 +286,11 @@ class Suggestion:
         looser = limits_above(over)
         if not looser or not within_reach(looser, proof, self.fitted_model, result.conditions):
             return ()
-        asked = replace(self.request, conditions=loosen_conditions(self.request.conditions, looser))
+        request = replace(self.request, conditions=loosen_conditions(self.request.conditions, looser))
         options = options_of(looser)
         self.progress(f"it winds up: trying {' '.join(options)}")
-        other = self.close(self.fitted_model, asked, progress=self.progress)
-        return () if other.proof.verdict == "FAIL" or winds_up(other.proof.diagnostics) else options
+        trial = self.close(self.fitted_model, request, progress=self.progress)
+        return () if trial.proof.verdict == "FAIL" or winds_up(trial.proof.diagnostics) else options
 
     def _coarse(self) -> tuple[float, str]:
         """Return how much of the band the calmest PWM of whole half-waves takes, and what is told of it."""
@@ -303,10 +303,10 @@ class Suggestion:
             free = self.request.switch_kind is None
             way = "were tried, too" if free else "are calmer, and are tried without --switch-kind"
             bursts = f": bursts of a power controller {way}"
-        told = (f"at the calmest PWM of a solid-state relay, {calm.period_s:.3g} s, the ripple is "
+        text = (f"at the calmest PWM of a solid-state relay, {calm.period_s:.3g} s, the ripple is "
                 f"{calm.ripple_degC:.2g} °C and one half-wave is {calm.half_wave_degC:.2g} °C; the tolerance is "
                 f"±{tolerance:.3g} °C{bursts}")
-        return calm.share(tolerance), told
+        return calm.share(tolerance), text
 
     def _hopeless(self, *, whole: bool) -> str:
         """Return what is told where nothing that may be suggested passes; `whole`: the search went to its end."""
@@ -338,8 +338,8 @@ class Suggestion:
         Args:
             wound_up: whether the design keeps every limit already, so that what winds up is no better.
         """
-        options, asked = free_request(self.request)
-        return self._freed(options, asked, wound_up=wound_up) if options else ()
+        options, request = free_request(self.request)
+        return self._freed(options, request, wound_up=wound_up) if options else ()
 
     def _freed(self, options: tuple[str, ...], request: DesignRequest, *, wound_up: bool = False) -> tuple[str, ...]:
         """Return options if the design of their request passes; else none."""
@@ -357,10 +357,10 @@ class Suggestion:
         request, kind, given_s = self.request, self.request.switch_kind, self.request.conditions.pwm_period_s
         if kind is None and given_s is None:  # it was free
             return ()
-        other = () if kind in (None, _SSR) else ("--switch-kind", _SSR)
-        asked = request if kind is None else replace(request, switch_kind=_SSR)
-        options = self._freed(other, asked) if other and given_s is None else ()
-        return options or self._by_calm_pwm(other, asked)
+        ssr_option = () if kind in (None, _SSR) else ("--switch-kind", _SSR)
+        ssr_request = request if kind is None else replace(request, switch_kind=_SSR)
+        options = self._freed(ssr_option, ssr_request) if ssr_option and given_s is None else ()
+        return options or self._by_calm_pwm(ssr_option, ssr_request)
 
     def _by_calm_pwm(self, options: tuple[str, ...], request: DesignRequest) -> tuple[str, ...]:
         """Return options of another switch with those of its calmest PWM period, if that is shorter and passes."""
@@ -390,11 +390,11 @@ class Suggestion:
                 if not screen.keeps(words, replace(self.first.conditions, setpoint_degC=setpoint)):
                     continue
                 self.progress(f"{broken(self.first)} fails: trying a setpoint of {setpoint:g} °C")
-                asked = replace(self.request, setpoint_ramp=self.request.setpoint_ramp or "none", conditions=lower)
-                found = plainly(self.fitted_model, asked, text=False, progress=self.progress)
+                request = replace(self.request, setpoint_ramp=self.request.setpoint_ramp or "none", conditions=lower)
+                result = plainly(self.fitted_model, request, text=False, progress=self.progress)
             except HeatertuneError:  # there the heater cannot be held, or the sensor does not see it
                 continue
-            if options := self._taken(found.proof, ("--setpoint", f"{setpoint:g}")):
+            if options := self._taken(result.proof, ("--setpoint", f"{setpoint:g}")):
                 return options
         return ()
 
@@ -404,10 +404,10 @@ class Suggestion:
         if not looser or not within_reach(looser, self.first.proof, self.fitted_model, self.first.conditions):
             return ()
         self.progress(f"{broken(self.first)} fails: trying wider limits")
-        asked = replace(self.request, setpoint_ramp=self.request.setpoint_ramp or "none",
-                        conditions=loosen_conditions(self.request.conditions, looser))
+        request = replace(self.request, setpoint_ramp=self.request.setpoint_ramp or "none",
+                          conditions=loosen_conditions(self.request.conditions, looser))
         return self._taken(
-            plainly(self.fitted_model, asked, text=False, progress=self.progress).proof, options_of(looser))
+            plainly(self.fitted_model, request, text=False, progress=self.progress).proof, options_of(looser))
 
     def _by_more_scans(self) -> tuple[str, ...]:
         sooner = self.sooner
