@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from heatertune.lazy import lazy_attributes
 from heatertune.show import run_by, shown_by, stored_by
 
-__version__ = "0.24.0"
+__version__ = "0.25.0"
 
 __all__ = [
     "Actuator", "Conditions", "DesignRequest", "FitSettings", "FittedModel", "Fopdt", "HeatertuneError", "InputError",
