@@ -52,7 +52,7 @@ _DOORS: Final = (
     "heatertune.chain.stages:fit", "heatertune.chain.stages:fit_known", "heatertune.chain.stages:fit_together",
     "heatertune.plc.design:tune", "heatertune.proof:prove", "heatertune.plc.word_selection:tune_for_words",
     "heatertune.plc.word_selection:choose_words", "heatertune.proof.setpoint_ramp:prove_ramped", "heatertune.proof.comparison:compare",
-    "heatertune.proof.repetition:prove_ramped", "heatertune.chain.facade:plan", "heatertune.chain.pipeline:design",
+    "heatertune.proof.repetition:prove", "heatertune.chain.facade:plan", "heatertune.chain.pipeline:design",
     "heatertune.proof.advice:advise", "heatertune.proof.monte_carlo.run:sample_document",
     "heatertune.proof.monte_carlo.run:replay_document",
     "heatertune.pid.alternatives:front", "heatertune.proof.refine:refine", "heatertune.report:render",

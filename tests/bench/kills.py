@@ -15,6 +15,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -36,6 +37,7 @@ CELLS = slice(22, 26)
 AUTOMATIC = 1
 #: words that a write finds; of these K first would be unstable
 OLD = {"K": 1200, "TI": 110, "YH": 200}
+_LOOK_S = 0.0005
 
 
 def command(name, plc, folder, path, *more):
@@ -51,6 +53,7 @@ def killed(line, path, grown):
     with subprocess.Popen(line) as running:
         while not path.exists() or path.stat().st_size < size + grown:
             assert running.poll() is None, "it ended by itself"
+            time.sleep(_LOOK_S)  # the processor is for the command
         running.kill()
 
 
@@ -96,7 +99,7 @@ def of_experiment(begun, folder, place, kills, chance):
         line = [*command("experiment", plc, folder, path, str(plan)), "--limit-temperature", "90", "--yes"]
         killed(line, path, chance.randrange(0, 4000))
         while not plc.plc.memory.image()[CELLS][1] & AUTOMATIC:  # the dead man
-            pass
+            time.sleep(_LOOK_S)
         where = address_of(plc.urls["s7"])
         assert Hold(where).way_back() is not None
         again = subprocess.run(line, capture_output=True, text=True, check=False)
@@ -228,6 +231,7 @@ def of_simulate(folder, words, place, kills, chance):
                 grown = chance.randrange(1, 3000)
                 while not path.exists() or path.stat().st_size < grown:
                     assert looking.is_alive()
+                    time.sleep(_LOOK_S)
             else:
                 ends.wait(chance.uniform(0.0, 1.5))  # while it begins
             running.kill()

@@ -14,9 +14,13 @@ from tests.docs.pictures import PICTURES, events, said
 
 from heatertune.cli import COMMANDS
 from heatertune.cli.command_table import read_settings
+from heatertune.codec import to_json
 from heatertune.live.controller_block import places_in
 from heatertune.model.findings import KINDS
+from heatertune.model.model_document import to_document
 from heatertune.plc import TARGETS
+from heatertune.proof.redesign import on_samples, redesign_search
+from heatertune.proof.repetition import files_of
 from heatertune.proof.specification import read_spec
 from heatertune.units import TERMS
 
@@ -29,6 +33,22 @@ PAPER = ("tutorial.md", "explain/no_power.md", "howto/tasks.md")
 def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     return tmp_path
+
+
+@pytest.fixture
+def kept_searches(monkeypatch):
+    """A search for a design runs once for the same heater and request: the pages show it at the terminal and in Python."""
+    searches, search = {}, redesign_search.closed_on_runs
+
+    def kept(fitted, request, *, progress=str, stage=str, **named):
+        assert not files_of(request.conditions), "they may change"
+        key = to_json(to_document(fitted)), repr(request), repr(sorted(named.items()))
+        if key not in searches:
+            searches[key] = search(fitted, request, progress=progress, stage=stage, **named)
+        return searches[key]
+
+    for module in (redesign_search, on_samples):
+        monkeypatch.setattr(module, "closed_on_runs", kept)
 
 
 def _run_page(page):
@@ -48,6 +68,7 @@ def test_the_blocks_of_a_page_print_what_it_shows(page, folder):
 
 @pytest.mark.doc
 @pytest.mark.long(seconds=20)
+@pytest.mark.usefixtures("kept_searches")
 def test_the_pages_on_the_papers_log_print_what_they_show(folder):
     for page in PAPER:
         _run_page(page)

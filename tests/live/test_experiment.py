@@ -8,6 +8,7 @@ import random
 import shutil
 import struct
 import sys
+import time
 from types import SimpleNamespace
 
 import pytest
@@ -131,7 +132,7 @@ def test_a_host_that_is_silent_is_followed_by_the_dead_man_and_the_next_start_gi
     with pytest.raises(Dead):
         whole.run(tmp_path / "log.csv", watching=ExperimentObserver(on_row=dies))
     while block.in_manual(plc.plc.memory.image()):
-        pass
+        time.sleep(0.001)
     assert restore(way(plc, protocol)) is True
     assert plc.plc.memory.image()[part] == before
 
@@ -330,7 +331,7 @@ def test_a_fit_that_takes_long_does_not_keep_the_controller_in_manual(served, wo
 
     def fit(_log):
         while cells(plc) != before:
-            pass
+            time.sleep(0.001)
         raise InputError("too little")
 
     aims = Aims(shares={"gain_degC_per_pct": 0.01}, every_rows=10)

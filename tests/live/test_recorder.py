@@ -11,6 +11,7 @@ import re
 import signal
 import subprocess
 import sys
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -494,6 +495,7 @@ def test_ctrl_c_ends_it_and_says_what_it_has(served, design_folder, tmp_path):
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as running:
         while not (tmp_path / "log.csv").exists() or len(whole_rows(tmp_path / "log.csv")) < 10:
             assert running.poll() is None
+            time.sleep(0.001)
         running.send_signal(signal.SIGINT)
         said, _ = running.communicate()
     assert running.returncode == 0
@@ -511,6 +513,7 @@ def test_a_service_goes_on_in_a_new_file_behind_a_rotation(served, design_folder
     def grown(running, rows):
         while not path.exists() or len(whole_rows(path)) < rows:
             assert running.poll() is None
+            time.sleep(0.001)
 
     for old in ("log.1", "log.2"):
         before = len(whole_rows(path)) if path.exists() else 0

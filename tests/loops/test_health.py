@@ -207,10 +207,11 @@ def test_a_heater_that_the_log_leaves_open_gets_no_words(monkeypatch):
 def test_words_with_which_the_logged_day_is_worse_are_not_proven():
     """A heater like one that once passed for bench's of 0.89 °C/% and 454 s: its proof keeps every limit, the day does not.
 
-    It was 63 °C/%; tested at 121 % of the power, the words for that one are too calm to make the day worse.
+    It was 63 °C/%; tested at 121 % of the power, the words for that one are too calm to make the day worse. 50 °C/% and 35,000 s do
+    the same as a fifth of both, which rises as fast, in five times as many scans.
     """
     log, loop = oscillating()
-    wrong = model_by_hand(Fopdt(gain_degC_per_pct=50.0, time_constant_s=35_000.0, dead_time_s=60.0, ambient_degC=20.0))
+    wrong = model_by_hand(Fopdt(gain_degC_per_pct=10.0, time_constant_s=7_000.0, dead_time_s=60.0, ambient_degC=20.0))
     cure = cure_words(replace(diagnose(log, loop), fitted_model=wrong, why_not=""), loop, ARDUINO)
     assert cure.would_degC > cure.was_degC
     assert cure.verdict != "PASS"

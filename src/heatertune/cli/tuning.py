@@ -190,7 +190,7 @@ def _plain(settings: argparse.Namespace, fitted: FittedModel, progress: printing
     return design if kind is None else with_pwm(design, fitted, kind)[0]
 
 
-COMPARE_EXAMPLE = "example: heatertune compare pid.json -o out/"
+COMPARE_EXAMPLE = "example: heatertune compare pid.json --setpoint 40 -o out/"
 
 
 def add_compare(commands: Any) -> None:

@@ -32,8 +32,9 @@ from heatertune.proof.folder_digest import demand_log_of_model, demand_one_desig
 from heatertune.proof.profile import read_profile
 from heatertune.proof.proof import Proof
 from heatertune.proof.proof_document import ProofView, check_document, with_digest
-from heatertune.proof.setpoint_ramp import prove_ramped
+from heatertune.proof.prove_words import prove
 from heatertune.proof.specification import NOTHING, in_force, specification_of
+from heatertune.proof.text_comparison import as_exported
 from heatertune.proof.verdict import PROOF_SCHEMA
 from heatertune.proof.words_file import WORDS_SCHEMA, WholeWordsView, demand_same_words, words_of
 from heatertune.settings import Conditions, SampleSettings
@@ -352,7 +353,7 @@ def _proof_document(
     """Return the document of a proof that is made now, or was made by this very program on this machine."""
 
     def run() -> dict[str, Any]:
-        proof, _ = prove_ramped(words, fitted, None, conditions)
+        proof = as_exported(prove(words, fitted, conditions))
         if samples is None:
             return proof.to_document()
         from heatertune.proof.monte_carlo.run import with_samples

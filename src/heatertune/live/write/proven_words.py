@@ -23,8 +23,9 @@ from heatertune.processors import ProgressCallback
 from heatertune.proof.heaters import labelled_heaters
 from heatertune.proof.proof import prove_models
 from heatertune.proof.proof_document import ProofView
+from heatertune.proof.prove_words import prove
 from heatertune.proof.repetition import repeat_proof
-from heatertune.proof.setpoint_ramp import prove_ramped
+from heatertune.proof.text_comparison import as_exported
 from heatertune.proof.verdict import PROOF_SCHEMA, Acceptance, Coverage, derived_verdict, verdict_line
 from heatertune.settings import Conditions
 
@@ -163,7 +164,7 @@ class ProvenWords:
         words = replace(self.words, values={**self.words.values, **values})
         try:
             controller_for(words.target).check(words)
-            proof, _ = prove_ramped(words, self.fitted_model, None, self.conditions)
+            proof = as_exported(prove(words, self.fitted_model, self.conditions))
         except HeatertuneError as problem:
             return str(problem)
         document = proof.to_document()
