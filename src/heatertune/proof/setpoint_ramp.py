@@ -39,7 +39,7 @@ _FAR_LONGER: Final = 16.0  # times the longest open circuit of a proof
 _OF_SETTLING: Final = 0.8  # of the time until all has settled, that the ramp itself may take
 #: times how far from the setpoint is still right, from the loosest on; the looser ones only where none of these will do
 _HOLDS: Final = ((8.0, 4.0, 2.0), (32.0, 16.0))
-_SHORT_HOLD: Final = 2.0
+_SHORT_HOLDS: Final = (4.0, 2.0)
 _SLOW: Final = (0.125, 0.25, 0.5)  # of the longest ramp
 #: of the distance at which the P part alone asks for full power: nearer, the I part has less time to wind up, but more
 #: is left to it. The nearest ones, which overshoot sooner, are for an I part that goes on at a limit of the output
@@ -126,14 +126,17 @@ def _short(distance_degC: float) -> float:
 def slow_ramps(proof: Proof, fitted: FittedModel) -> Iterator[Words]:
     """Yield the words of a proof with setpoint ramps slower than its test sequence needs, with a short holdback.
 
+    The longer holdback comes first: the I part of a restarted controller begins at zero, however short the outage was,
+    and sums up no more than the holdback leaves it.
+
     Args:
         proof: of a loop whose setpoint such a ramp leads.
         fitted: the heater and its candidates.
     """
-    side = -1.0 if cools(fitted) else 1.0
-    hold_degC = side * _SHORT_HOLD * band_of(proof.limits, proof.nominal.resolution_degC)
-    search = _Search(plain=proof, fitted_model=fitted, conditions=Conditions(), hold_degC=hold_degC)
-    yield from filter(None, (search.with_duration(share * search.longest_s) for share in _SLOW))
+    band = math.copysign(band_of(proof.limits, proof.nominal.resolution_degC), -1.0 if cools(fitted) else 1.0)
+    for times in _SHORT_HOLDS:
+        search = _Search(plain=proof, fitted_model=fitted, conditions=Conditions(), hold_degC=times * band)
+        yield from filter(None, (search.with_duration(share * search.longest_s) for share in _SLOW))
 
 
 @judge_once()
