@@ -179,3 +179,13 @@ def test_an_open_circuit_behind_a_holdback_fills_the_integral_as_long_as_it_last
     rise = 83.79 - 16.08
     assert beyond_degC(30.0, 10.0) < 0.2 * rise
     assert beyond_degC(30.0, 40.0) > 0.4 * rise, "the limit after an open circuit is 40 % of the rise"
+    # the I part of a restarted PLC begins at zero and sees 2 °C at most: no outage is short, and none takes longer than a cold start
+    writer = DayWriter(b, 24.2, 1.0, np.random.default_rng(0), (b,))
+    writer.part("heat-up", "heat-up")
+    for seconds in (5.2, 20.0, 100.0, 1000.0):
+        writer.part("off", "plc", seconds, power=0.0, supplied=False)
+        writer.part("restart", "plc", power=1.0, supplied=True)
+    seen, *_ = lived(library, b, writer.day)
+    begins_s = [0.0, *(end * writer.tick for end in writer.day.ends)]
+    cold_s, _, *others_s = (part["settled"] - begin_s for part, begin_s in zip(seen, begins_s, strict=False))
+    assert all(0.8 * cold_s < return_s < 1.1 * cold_s for return_s in others_s[::2])
