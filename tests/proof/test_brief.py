@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -149,6 +150,41 @@ def test_where_a_boost_may_lead_the_whole_it_rises_from_just_before_that_too(aga
     lows = _lows(WORDS.with_boost(Boost(within_degC=6.0, again_degC=again_degC)))
     expected = [*(60.0 - again_degC * _NOT_YET), *(60.0 - 30.0 * _LED_BY_P[:led]), *np.linspace(54.6, 30.0, 24)[:-1]]
     assert lows == pytest.approx(sorted(expected, reverse=True), rel=1e-3)
+
+
+@pytest.mark.parametrize(("again_degC", "end_degC", "led"), [(34.0, 34.0, 5), (50.0, 38.0, 6)])
+def test_where_no_range_is_stated_it_rises_as_far_as_the_boost_leaves_it_to_the_controller(again_degC, end_degC, led):
+    # 38 °C are 95 % of the way to the ambient, the heater of a restart from cold; the test sequence's own rise is 30 °C
+    boosted = WORDS.with_boost(Boost(within_degC=6.0, again_degC=again_degC))
+    more = np.linspace(0.9 * 6.0, end_degC, 24)[:-1]
+    expected = sorted([*(60.0 - end_degC * _NOT_YET), *(60.0 - _FULL_RISE * _LED_BY_P[:led]), *(60.0 - more)], reverse=True)
+    assert _lows(boosted) == pytest.approx(expected, rel=1e-3)
+    stated = _lows(boosted, STATED)
+    assert min(stated) > 30.0, "a range that is stated is not left"
+    assert min(_lows(WORDS)) > 30.0, "without a boost the heat-up shows it"
+    *_, night = nights_of(IN_USE, [ONE], lows_degC=(40.0, 26.0))
+    falls, rises = night.scenario.disturbances[::2], night.scenario.disturbances[1::2]
+    assert [event.unheld for event in falls] == [None, True], "the fall below is not judged"
+    assert {event.setpoint_degC for event in rises} == {60.0}
+    assert rises[1].time_s - falls[1].time_s == pytest.approx(rises[0].time_s - falls[0].time_s + _falls_s(34.0)[0])
+
+
+def test_behind_a_holdback_the_circuit_is_open_at_lower_setpoints_until_the_sum_asks_for_all_power():
+    # P and I see 2 °C at most: 3 %/°C ask for 6 % more in each TN of 80 s, from the 20 % on that hold 40 °C
+    held = replace(WORDS, ramp=ROOM.ramp(WORDS, 60.0, 2.0))
+    timing = OutageTiming(ROOM, held, REALISED, STATED, [ONE])
+    at_40 = timing._replace(scenario=replace(STATED, setpoint_degC=40.0)).held_back_s()
+    assert at_40 == pytest.approx([80.0 * (100.0 - 20.0) / 6.0], rel=0.01)
+    assert max(timing.lower_s()[30.0].openings_s) == pytest.approx(80.0 * (100.0 - 10.0) / 6.0, rel=0.01)
+    assert OutageTiming(ROOM, WORDS, REALISED, STATED, [ONE]).held_back_s() == []
+
+    def longest_s(**further):
+        nights = nights_of(STATED, [ONE], (20.0,), lower_s={30.0: OutageLengths((20.0, 1200.0, 9000.0))}, **further)
+        low = next(each for each in nights if each.name == "low-outage").scenario.disturbances
+        return max(closed.time_s - opened.time_s for opened, closed in pairwise(low) if isinstance(opened, Mains) and opened.share == 0.0)
+
+    assert longest_s() == pytest.approx(800.0), "of the test sequence"
+    assert longest_s(held_back=True) == pytest.approx(4.0 * 800.0)
 
 
 def test_a_story_of_many_scans_leaves_room_for_few_rises():

@@ -180,6 +180,8 @@ def test_a_ramp_is_told_with_its_rate():
     ramp = {"step": 9, "calls": 2, "degC_per_min": 2.6377}
     assert ramp_note({"setpoint_ramp": ramp})[0].startswith("The setpoint moves by 9 units every 2 calls, 2.64 °C/min. The exported files")
     assert ramp_note({"setpoint_ramp": ramp | {"calls": 1}})[0].startswith("The setpoint moves by 9 units every call,")
+    held = "and stays within 2 °C of the temperature while it ramps. After a start-up it begins at the temperature"
+    assert held in ramp_note({"setpoint_ramp": ramp | {"hold_degC": 2.0}})[0]
     assert ramp_note({"setpoint_ramp": None}) == ramp_note({}) == []
 
 

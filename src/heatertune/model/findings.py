@@ -141,8 +141,10 @@ KINDS: Final[dict[str, FindingKind]] = {
         "blocks", "it exceeds its overshoot limit if the controller restarts while the heater is warm",
         "allow that overshoot (--limit overshoot), or let the heater cool down before it is switched on"),
     "part-change": FindingKind(
-        "blocks", "it exceeds its overshoot limit if the setpoint changes by part of its range of use",
-        "allow that overshoot (--limit overshoot), or state a smaller range (--setpoint)"),
+        "blocks", "it exceeds its overshoot limit if the setpoint changes by part of its range of use, or rises "
+                  "without its boost",
+        "allow that overshoot (--limit overshoot), or state the range of setpoints in use, or a smaller one "
+        "(--setpoint LOW HIGH)"),
     "stays-at-limit": FindingKind(
         "blocks", "it may stay at full power if the setpoint rises while the heater warms up",
         "find out what your controller does at its limit (--assume), leave out D (--structure pi), or let the heater "

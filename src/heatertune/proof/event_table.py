@@ -118,7 +118,7 @@ EVENTS: Final = (
               sizes="it rises as the reading arrives at the lower one", phases=("off", "reheat"), runs="nearest",
               finding=RISING),
     EventKind(name="setpoint change", state=_REST, sizes="to the lowest setpoint and back", phases=("change", "off")),
-    EventKind(name="setpoint change by less", state=_REST, sizes="9 to 96 sizes, also to just before a boost",
+    EventKind(name="setpoint change by less", state=_REST, sizes="9 to 96 sizes, also the largest without a boost",
               phases=("change",), runs="nearest", finding=PART),
     EventKind(name="small setpoint change", state=_REST, sizes="5 and 10 % of the rise, or two and four tolerances",
               phases=("small-change",)),

@@ -617,7 +617,7 @@ def _nights(
     cooling = OutageTiming(controller, words, controller.decode(words), scenario, heaters, closely)
     again = "" if controller.again_degC(words) is None else WINDOW if words.boost is None else LOADED
     return nights_of(scenario, heaters, cooling.openings_s(), cooling.restarts_s(), cooling.lows_degC(),
-                     cooling.lower_s(), again=again)
+                     cooling.lower_s(), again=again, held_back=controller.hold_degC(words) is not None)
 
 
 def _with_band(diagnostics: FitDiagnostics, limits: LoopLimits, resolution_degC: float) -> FitDiagnostics:

@@ -245,8 +245,11 @@ def ramp_note(words: Document) -> list[str]:
     rate, unit = figure(ramp["degC_per_min"], 3), "units" if isinstance(ramp["step"], int) else "°C"
     holdback = ramp.get("hold_degC")
     hold = "" if holdback is None else f", and stays within {figure(holdback, 3)} °C of the temperature while it ramps"
-    return [f"The setpoint moves by {figure(ramp['step'])} {unit} every {every}, {rate} °C/min{hold}. The exported "
-            "files contain the program of this ramp; the parameters are proven with it only."]
+    starts = "" if holdback is None else (
+        " After a start-up it begins at the temperature, and the controller's integral at zero: a short outage of the "
+        "controller may take as long to return from as a cold start.")
+    return [f"The setpoint moves by {figure(ramp['step'])} {unit} every {every}, {rate} °C/min{hold}.{starts} The "
+            "exported files contain the program of this ramp; the parameters are proven with it only."]
 
 
 def search_notes(words: Document) -> list[str]:

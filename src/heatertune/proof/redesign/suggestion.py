@@ -46,7 +46,7 @@ __all__ = ["Suggestion", "free_request", "known_as", "pass_sentence", "pass_sent
 #: shares of the rise above ambient of lower setpoints that may be suggested
 _LOWER: Final = (0.95, 0.9, 0.8)
 #: of the range of use, down from its upper end, of smaller ones that may be suggested
-_OF_RANGE: Final = (0.5, 0.25)
+_OF_RANGE: Final = (1.0, 0.5, 0.25)
 _SSR: Final = "ssr"
 _BY_LOG: Final = ("each end of what the log leaves open has a design of its own that passes: log until the temperature "
                   "is steady (heatertune plan), and design again")
@@ -244,7 +244,8 @@ class Suggestion:
         lowest = min((event.setpoint_degC for event in scenario.disturbances if isinstance(event, NewSetpoint)),
                      default=scenario.setpoint_degC)
         top = float(f"{scenario.setpoint_degC:.4g}")
-        lower = [float(f"{top - share * (top - lowest):.4g}") for share in _OF_RANGE]
+        shares = _OF_RANGE if scenario.setpoint_low_degC is None else _OF_RANGE[1:]
+        lower = [float(f"{top - share * (top - lowest):.4g}") for share in shares]
         return self._by_setpoints(result, [(low, top) for low in lower if low < top])
 
     def _by_upper_end(self, result: DesignResult) -> tuple[str, ...]:
