@@ -301,3 +301,41 @@ def _(run):
 @hostile("rows of JSON with a number in each line")
 def _(run):
     return json.dumps([["time_s", "temp_C", "duty_pct"], *([s, round(d, 2), p] for s, d, p, _ in run.rows)], indent=1), {}
+
+
+@hostile("Tasmota's console with sensor and relay")
+def _(run):
+    # formats of its documentation: SENSOR with TempUnit, POWER as a word; the relay switches a part of the power
+    lines = []
+    for s, d, p, _ in run.rows:
+        at = iso(s)
+        lines.append(f"{at[11:]}.110 MQT: stat/oven/DIMMER = {p:g}")
+        lines.append(f'{at[11:]}.123 MQT: tele/oven/SENSOR = {{"Time":"{at.replace(" ", "T")}","DS18B20":{{"Id":"01131A","Temperature":{d:.2f}}},"TempUnit":"C"}}')
+        lines.append(f"{at[11:]}.150 RSL: RESULT = {{}}")
+    return "\n".join(lines), PERCENT | {"--power-tag": "DIMMER"}
+
+
+@hostile("ThingSpeak's feed, its names in the channel")
+def _(run):
+    feeds = [{"created_at": iso(s).replace(" ", "T") + "Z", "entry_id": k, "field1": f"{d:.2f}", "field2": f"{p:g}"} for k, (s, d, p, _) in enumerate(run.rows)]
+    return json.dumps({"channel": {"id": 9, "name": "oven", "field1": "Temperature", "field2": "Heater %"}, "feeds": feeds}), {}
+
+
+@hostile("ThingsBoard's telemetry, a list for each key")
+def _(run):
+    def points(values: list[str]) -> list[dict[str, Any]]:
+        return [{"ts": 1000 * (EPOCH + int(s)), "value": value} for s, value in zip(run.seconds, values, strict=True)]
+    return json.dumps({"temperature": points([f"{d:.2f}" for d in run.degC]), "heaterPower": points([f"{p:g}" for p in run.power])}), {}
+
+
+@hostile("Home Assistant's statistics, a mean in each row")
+def _(run):
+    rows = [[name, f"{EPOCH + s:.1f}", value, value, value] for s, d, p, _ in run.rows
+            for name, value in (("sensor.oven_temperature", f"{d:.2f}"), ("sensor.oven_heater", f"{p:g}"))]
+    return text([["statistic_id", "start_ts", "mean", "min", "max"], *rows]), PERCENT
+
+
+@hostile("labels of the Arduino plotter, without a time")
+def _(run):
+    step = run.seconds[1] - run.seconds[0]
+    return "\n".join(f"Setpoint:{t:.1f},Input:{d:.2f},Output:{2.55 * p:.2f}" for _, d, p, t in run.rows), OF_255 | {"--log-interval": f"{step:g}"}

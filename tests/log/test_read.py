@@ -141,6 +141,10 @@ BAD = {
                      ["day first or month first"]),
     "one zone": ("timestamp,temp_C\n" + "\n".join(f"2026-03-01T10:{k:02d}:00{'Z' if k else ''},{k}" for k in range(25)), {},
                  ["line 3", "time zone"]),
+    # the power of a clock alone was held from a day in 1970 on: it never changed
+    "one tag has dates": ("time,tag,value\n" + "\n".join(
+        f"{day}10:{k:02d}:00,{tag},{value}" for k in range(25) for day, tag, value in (
+            ("2026-03-01 ", "oven_temp", 20 + k), ("", "oven_power", 40 if k > 5 else 0))), {}, ["line 3", "without a date"]),
 }
 
 

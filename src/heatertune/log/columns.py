@@ -63,6 +63,7 @@ from heatertune.log.timestamps import (
     past_hour,
     past_midnight,
     stamp,
+    unlike_part,
     within_hours,
 )
 
@@ -639,11 +640,12 @@ def _from_stamps(sheet: Sheet, columns: Columns, cells: CellColumn, repairs: lis
     first = stamp(cells[0])
     within_us, is_parsed = within_hours(cells)
     parsed, elapsed_s = np.flatnonzero(is_parsed), np.empty(len(cells))
-    for row, moment in zip(parsed.tolist(), map(stamp, cells.at_rows(parsed)), strict=True):
+    texts = cells.at_rows(parsed)
+    for row, text, moment in zip(parsed.tolist(), texts, map(stamp, texts), strict=True):
         if moment is None or first is None:
             raise cell_error(sheet, columns, "time", row, "no time:", _ANY_TIME)
-        if (moment.tzinfo is None) != (first.tzinfo is None):
-            raise cell_error(sheet, columns, "time", row, "with and without a time zone:", f"all like {cells[0]}")
+        if lacks := unlike_part(moment, first, text, cells[0]):
+            raise cell_error(sheet, columns, "time", row, f"with and without a {lacks}:", f"all like {cells[0]}")
         elapsed_s[row] = (moment - first).total_seconds()
     before = parsed[np.cumsum(is_parsed) - 1]
     elapsed_s = (np.round(1e6 * elapsed_s[before]) + (within_us - within_us[before])) / 1e6

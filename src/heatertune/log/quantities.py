@@ -44,7 +44,7 @@ _NAMES: Final[dict[str, re.Pattern[str]]] = {
         r"|last.?(chang|updat)ed|^(tiempo|tempo|tijd|tid|czas|čas|zaman|aika|hora|heure|fecha|godzina|data)\b(?!\.\w)"
         r"|^(дата|время|час|idő|dátum|χρόνος|ώρα|ημερομηνία|זמן|เวลา|thời gian|oră)\b"
         r"|时间|日期|時刻|日時|時間|年月日|시간|날짜|^temps ?[\[(/] ?(s|sec|ms|min|h)\b)"
-        r"|^ts$|^t$|^[tT]s? ?[\[(/ ] ?(s|sec|[mnuµμ]s|min|h)\b"),
+        r"|^(start[ _])?ts$|^t$|^[tT]s? ?[\[(/ ] ?(s|sec|[mnuµμ]s|min|h)\b"),
     "temperature": re.compile(
         r"(?i:(?<!pid )(?<!pid)temp|\bpv\d*\b|process.?va|istwert|\bist\b|actual(?!.*(power|output|out|duty|%))|°[cf]"
         r"|deg ?[cf]|kelvin|thermocouple|scaled.?input|\bpid ?(compact|temp|3step)[^.]*\.input$"

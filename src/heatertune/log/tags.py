@@ -144,9 +144,10 @@ def _means(at: Array, time: Array, cells: CellColumn, switched: Array | None) ->
 
 _TAG: Final = re.compile(
     r"(tag( ?(name|index|id))?|name|var(iable)? ?(name)?|point( ?(name|id))?|signal( ?name)?|entity ?id|sensor|channel"
-    r"|kanal|series|metric|measurement|field|item|symbol|topic|messstelle|bezeichnung|parameter|node ?id|id|zone)",
+    r"|kanal|series|metric|measurement|field|item|symbol|topic|messstelle|bezeichnung|parameter|((node|statistic) ?)?id"
+    r"|zone)",
     re.IGNORECASE)
-_VALUE: Final = re.compile(r"(var ?)?(value|wert|messwert|state|reading|val)( ?[\[(].*)?", re.IGNORECASE)
+_VALUE: Final = re.compile(r"(var ?)?(value|wert|messwert|state|reading|val|mean)( ?[\[(].*)?", re.IGNORECASE)
 _UNIT: Final = re.compile(r"(unit|units|einheit|unit of measurement|eu)", re.IGNORECASE)
 _WINCC: Final = ("varname", "timestring", "varvalue", "validity", "time ms")
 _FIRST_DAY: Final = datetime(1899, 12, 30)  # of WinCC's and spreadsheets' calendar

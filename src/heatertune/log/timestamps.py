@@ -16,7 +16,8 @@ from heatertune.log.sheet import CellColumn
 
 __all__ = ["LONGEST_STEP_S", "NO_ORDER", "STAMPS", "TIME_UNITS", "clocks_in_digits", "day_first", "durations_s",
            "has_zone", "is_clock", "is_date", "is_date_in_digits", "is_day_or_month", "is_hours_or_minutes",
-           "likely_time_unit", "month_first", "order_of_dates", "past_hour", "past_midnight", "stamp", "within_hours"]
+           "likely_time_unit", "month_first", "order_of_dates", "past_hour", "past_midnight", "stamp", "unlike_part",
+           "within_hours"]
 
 
 #: the formats of `stamp`, for messages
@@ -263,6 +264,13 @@ _SIXTY: Final = 60.0
 def is_clock(cell: str) -> bool:
     """Return whether a cell is a time of day without a date."""
     return _CLOCK.fullmatch(cell) is not None
+
+
+def unlike_part(moment: datetime, first: datetime, text: str, first_text: str) -> str:
+    """Return what one of two stamps has and the other has not, empty if they are alike."""
+    if moment.date() != first.date() and is_clock(text) != is_clock(first_text):
+        return "date"
+    return "" if (moment.tzinfo is None) == (first.tzinfo is None) else "time zone"
 
 
 def is_hours_or_minutes(cell: str) -> bool:

@@ -287,11 +287,17 @@ def _last(lines: Sequence[Line]) -> Iterator[str]:
 
 
 def _has_names(lines: Sequence[Line]) -> bool:
-    """Return whether nearly all lines at the end hold the same two names or more, one of them a temperature's."""
+    """Return whether nearly all lines at the end hold the same names, one a temperature's or nothing beside them."""
     names = Counter(tuple(name for name, _, _ in _pairs(line)) for line in _last(lines))
     usual, number = names.most_common(1)[0] if names else ((), 0)
     nearly_all = number > _NEARLY_ALL * len(lines[-_SAMPLE:])
-    return len(usual) >= _FEWEST and nearly_all and "temperature" in map(role_of, usual)
+    return len(usual) >= _FEWEST and nearly_all and (
+        "temperature" in map(role_of, usual) or not any(map(_has_other_words, _last(lines))))
+
+
+def _has_other_words(line: str) -> bool:
+    """Return whether a line holds more than names with their values and a time."""
+    return re.search(r"[^\W\d]", _PAIR.sub("", line)) is not None
 
 
 def _named(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:

@@ -273,6 +273,24 @@ def _json(path: Path, numbered: Sequence[Line], tag: str | None) -> FormatTable:
     return _of_records(path, records, range(1, len(records) + 1))._replace(part=str(tag) if tag in lists else "")
 
 
+def _thingspeak(path: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
+    """Return the rows of a channel, which names its fields once, before them."""
+    document = json.loads("\n".join(line for _, line in numbered))
+    names = {key: str(name) for key, name in document["channel"].items() if key.startswith("field")}
+    records = [{names.get(name, name): cell for name, cell in _flat(record)} for record in document["feeds"]]
+    return _of_records(path, records, range(1, len(records) + 1))
+
+
+def _is_thingspeak(lines: Sequence[Line]) -> bool:
+    if not any('"feeds"' in line for _, line in lines):
+        return False
+    try:
+        document = json.loads("\n".join(line for _, line in lines))
+        return all(isinstance(part, dict) for part in (document["channel"], *document["feeds"]))
+    except (ValueError, RecursionError, TypeError, KeyError):
+        return False
+
+
 def _pandas(path: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
     """Return a table that pandas wrote as JSON, in whichever orientation."""
     records = list(map(dict, map(_flat, _indexed(json.loads("\n".join(line for _, line in numbered))))))
@@ -498,12 +516,19 @@ def _is_series(lines: Sequence[Line]) -> bool:
 
 def _series_in(value: object) -> list[_NamedSeries]:
     """Return the first list of series within a value: several, or one of Prometheus, which has a metric."""
-    if isinstance(value, list):
-        series = [_NamedSeries(part, _points(part)) for part in value if isinstance(part, dict)]
-        if len(series) == len(value) and _are_series(series):
-            return series
-    inner = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+    parts = _parts_of(value)
+    series = [_NamedSeries(labels, _points(record)) for labels, record in parts if isinstance(record, dict)]
+    if len(series) == len(parts) > 0 and _are_series(series):
+        return series
+    inner = value.values() if isinstance(value, dict) else [part for part, _ in parts]
     return next(filter(None, map(_series_in, inner)), [])
+
+
+def _parts_of(value: object) -> list[tuple[Any, object]]:
+    """Return the labels of what may be a series each, and its record: the parts of a list, or what an object names."""
+    if isinstance(value, dict):
+        return [({"name": name}, {name: part}) for name, part in value.items()]
+    return [(part, part) for part in value] if isinstance(value, list) else []
 
 
 def _are_series(series: Sequence[_NamedSeries]) -> bool:
@@ -563,6 +588,26 @@ def _openhab(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
                                  f"{len(numbered) - len(rows)} other lines passed over.")
 
 
+#: 09:58:00.123 MQT: stat/oven/POWER = ON, 09:58:00 MQT: tele/oven/SENSOR = {"Time": …, "DS18B20": {"Temperature": …
+_TASMOTA: Final = re.compile(r"MQT: (?:\S+/)?(\w+) = (.*\S)")
+
+
+_TASMOTA_WORD: Final = re.compile(r"MQT: \S+ = [^\s{]")
+
+
+def _tasmota(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
+    """Return the values that are published as a long table, named within their message; the last topic names a word."""
+    rows = list[tuple[int, list[str]]]()
+    for number, line in numbered:
+        if (match := _TASMOTA.search(line)) is None:
+            continue
+        record = _record_in(match[2])
+        cells = {match[1]: match[2]} if record is None else dict(_flat(record))
+        rows += [(number, [line_stamp(line[:match.start()]), name, cell]) for name, cell in cells.items()
+                 if is_number(cell) or cell in ("ON", "OFF")]
+    return FormatTable.from_rows(_LONG, rows, f"Console of Tasmota: {count(len(rows), 'value')} read.")
+
+
 _INSERT: Final = re.compile(r"INSERT INTO [\"`]?(\w+)[\"`]?(?: ?\(([^)]*)\))? VALUES ?\((.*)\);?$")
 _CREATE: Final = re.compile(r"CREATE TABLE (?:IF NOT EXISTS )?[\"`]?(\w+)[\"`]? ?\((.*)\);?$")
 
@@ -608,8 +653,10 @@ _NEARLY_ALL: Final = 0.9
 
 
 DEVICE_LOGS: Final = (
+    TextFormat("feed of ThingSpeak", _is_thingspeak, _thingspeak),
     TextFormat("series in JSON", _is_series, _series),
     TextFormat("events of openHAB", matching(_OPENHAB), _openhab),
+    TextFormat("console of Tasmota", matching(_TASMOTA_WORD), _tasmota),
     TextFormat("dump of SQLite", matching(_INSERT), _sql),
     TextFormat("log of kiln-controller", matching(_KILN), _kiln),
     TextFormat("log of ESPHome", matching(_ESPHOME), _esphome),
