@@ -3,8 +3,8 @@
 A controller of whole numbers may need a longer interval: its integral part moves by whole increments only, and an error
 whose increment is below one of them stays.
 
-Where the spread of zones that heat up together is limited, and power alone does not keep it, all get the same setpoint
-ramp: the fastest of a few at which the slowest zone follows and the limit is kept.
+Where zones overshoot as they start, or the spread of zones that heat up together is limited and power alone does not
+keep it, all get the same setpoint ramp: the fastest of a few at which the slowest zone follows and the limits are kept.
 """
 
 from __future__ import annotations
@@ -76,7 +76,9 @@ def design_zones(
     if best is None:
         raise InputError(f"no {structure} of {target} keeps Ms {JOINT_MS:g} on all plausible networks: log longer "
                          "steps of each zone's power, which narrows the intervals")
-    return best if spec.spread_degC is None else _start_together(best, partial(prove, specification=spec))
+    if spec.spread_degC is None and (best.verdict != "FAIL" or not _keeps_all_but(_OF_STARTS, best)):
+        return best
+    return _start_together(best, partial(prove, specification=spec))
 
 
 def _start_together(proof: JointProof, prove: Callable[..., JointProof]) -> JointProof:
@@ -86,7 +88,7 @@ def _start_together(proof: JointProof, prove: Callable[..., JointProof]) -> Join
 
     Args:
         proof: of a design without setpoint ramp, whose spread was not limited.
-        prove: proves a design with the limit.
+        prove: proves a design with the limit, if there is one.
     """
     plain = prove(proof.design)
     if plain.verdict != "FAIL" or not _keeps_all_but(_OF_STARTS, plain):
