@@ -16,7 +16,7 @@ from heatertune.model.diagnostics import Remark, findings_of, neighbour_findings
 from heatertune.model.disturbance import DisturbanceEffect, LossEffect
 from heatertune.model.findings import Finding
 from heatertune.model.model_values import FitOutcome, FittedModel, model_by_hand
-from heatertune.model.power.disturbance_fit import is_sensible, lowest_degC
+from heatertune.model.power.disturbance_fit import is_sensible
 from heatertune.model.power.explanation import Explanation, explain_log
 from heatertune.model.power.feedback import explains, follows_temperature, is_feedback, loop_remarks
 from heatertune.model.power.fit_logs import fit_logs, two_scales_of_logs
@@ -538,53 +538,26 @@ def _explained(
     explanation = explain(ambient_degC=ambient)
     if explanation.extended and bounds is None:
         return explanation, ()
-    if bounds is None:
-        return _in_colder_room(log, explanation, explain)
-    end = _nearest_end(explanation, bounds)
+    end = _begun_at_degC(log, explanation) if bounds is None else _nearest_end(explanation, bounds)
     if end is None:
         return explanation, ()
     note = f"Fitted freely, the ambient temperature leaves the stated interval; its end of {end:g} °C was used."
+    if bounds is None:
+        note = (f"Left free, the ambient comes out at {explanation.fits[0].linear[AMBIENT]:.3g} °C, but {log.name} "
+                f"begins without power at {end:.3g} °C, and no heater is colder than its room; that was taken; "
+                "--ambient would settle it.")
     return explain(ambient_degC=end), (note,)
 
 
-def _in_colder_room(log: Log, explanation: Explanation, explain: Callable[..., Explanation]
-                    ) -> tuple[Explanation, tuple[str, ...]]:
-    """Return the explanation in a room as cold as the beginning of the log, where the free one is in a warmer room.
-
-    A log that begins with power may begin on the way from a load: there the free one stays if it explains more.
-    """
-    end = _begun_at_degC(log, explanation)
-    if end is None:
-        return explanation, ()
-    note = (f"Left free, the ambient comes out at {explanation.fits[0].linear[AMBIENT]:.3g} °C, but {log.name} begins "
-            f"at {end:.3g} °C, and no heater is colder than its room; that was taken; --ambient would settle it.")
-    try:
-        colder = explain(ambient_degC=end)
-    except InputError:
-        if _is_on_at_first(log):
-            return explanation, ()
-        raise
-    is_worse = _is_on_at_first(log) and colder.bic > explanation.bic + _BEHIND
-    return (explanation, ()) if is_worse else (colder, (note,))
-
-
-def _is_on_at_first(log: Log) -> bool:
-    return log.power_pct is not None and log.power_pct[0] != 0.0
-
-
 def _begun_at_degC(log: Log, explanation: Explanation) -> float | None:
-    """Return the temperature at which a log begins, or its lowest if it has power then, where the ambient lies above.
-
-    That is the free ambient of one lag.
-    """
-    problem, fit = explanation.problems[0], explanation.fits[0]
-    if is_sensible(problem, fit):
-        return None
+    """Return the temperature at which a log begins without power, where the free ambient lies above it."""
     assert log.power_pct is not None
     on = np.flatnonzero(log.power_pct != 0.0)
     first = log.temperature_degC[: on[0] if len(on) else 0]
-    initial_degC = float(np.median(first)) if len(first) else lowest_degC(problem)
-    return initial_degC if fit.linear[AMBIENT] > initial_degC else None
+    if not len(first) or is_sensible(explanation.problems[0], explanation.fits[0]):
+        return None
+    initial_degC = float(np.median(first))
+    return initial_degC if explanation.fits[0].linear[AMBIENT] > initial_degC else None
 
 
 def _nearest_end(explanation: Explanation, ambient_degC: Bounds) -> float | None:

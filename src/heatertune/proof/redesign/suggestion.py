@@ -10,9 +10,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
+import numpy as np
+
 from heatertune.errors import HeatertuneError, NotRepresentable
 from heatertune.model.findings import KINDS
-from heatertune.model.model_values import FitOutcome, FittedModel, model_by_hand
+from heatertune.model.model_values import FittedModel
 from heatertune.model.reduction import cools
 from heatertune.plc import controller_for
 from heatertune.plc.targets import REPAIRED
@@ -48,8 +50,9 @@ _LOWER: Final = (0.95, 0.9, 0.8)
 #: of the range of use, down from its upper end, of smaller ones that may be suggested
 _OF_RANGE: Final = (1.0, 0.5, 0.25)
 _SSR: Final = "ssr"
-_BY_LOG: Final = ("each end of what the log leaves open has a design of its own that passes: log until the temperature "
-                  "is steady (heatertune plan), and design again")
+_BY_ROOM: Final = ("the heaters whose room is no warmer than the log's lowest reading have a design that passes: state "
+                   "the room's temperature (--ambient)")
+_COLDER: Final = 0.05  # of the span of the readings: noise and a poor start
 _HOPELESS: Final = 1.2  # of the band: no open point is what it fails for
 
 
@@ -313,24 +316,27 @@ class Suggestion:
         """Return what is told where nothing that may be suggested passes; `whole`: the search went to its end."""
         nothing = f"{NOTHING_PASSES} passes" + (", nor does any limit of up to twice its default" if whole else "")
         with SearchBudget():
-            if self._ends_pass():
-                return f"{nothing}; {_BY_LOG}"
+            if self._passes_in_cold_room():
+                return f"{nothing}; {_BY_ROOM}"
         help_ = physical_help(self.first.proof.broken_criteria)
         return nothing + (f"; changes to the heater would help: {help_}" if help_ else "")
 
-    def _ends_pass(self) -> bool:
-        """Return whether each end of the gain that the log leaves open has a design of its own that passes."""
-        heaters = [plant for plant in self.fitted_model.plants if plant.gain_degC_per_pct > 0.0]
-        if self.fitted_model.outcome is not FitOutcome.COMBINATIONS_ONLY or len(heaters) < 2:
+    def _passes_in_cold_room(self) -> bool:
+        """Return whether a design passes for those heaters alone whose room is no warmer than the lowest reading."""
+        fitted = self.fitted_model
+        if fitted.residuals is None or cools(fitted):
             return False
-        ends = {end(heaters, key=lambda plant: plant.gain_degC_per_pct) for end in (min, max)}
-        setpoint_degC = self.request.conditions.setpoint_degC or self.first.proof.scenario.setpoint_degC
-        request = replace(self.request, conditions=replace(self.request.conditions, setpoint_degC=setpoint_degC))
-        self.progress(f"{broken(self.first)} fails: trying each end of the heater's interval alone")
+        readings = fitted.residuals.measured_degC
+        warmest_degC = float(np.min(readings)) + _COLDER * float(np.ptp(readings))
+        likely = tuple(candidate for candidate in fitted.candidates
+                       if candidate.model.ambient_degC is not None and candidate.model.ambient_degC <= warmest_degC)
+        if not 0 < len(likely) < len(fitted.candidates):
+            return False
+        self.progress(f"{broken(self.first)} fails: trying the heaters in a room as cold as the log")
         try:
-            return all(self._passes(self.close(model_by_hand(heater), request, progress=self.progress).proof)
-                       for heater in ends)
-        except HeatertuneError:  # an end that cannot be held at the setpoint
+            return self._passes(self.close(replace(fitted, candidates=likely, model=likely[0].model.half_rule()),
+                                           self.request, progress=self.progress).proof)
+        except HeatertuneError:  # they cannot be held there
             return False
 
     def _by_design(self, *, wound_up: bool = False) -> tuple[str, ...]:
