@@ -282,7 +282,7 @@ def _thingspeak(path: Path, numbered: Sequence[Line], __: str | None) -> FormatT
 
 
 def _is_thingspeak(lines: Sequence[Line]) -> bool:
-    if not any('"feeds"' in line for _, line in lines):
+    if not lines or lines[0][1].lstrip()[:1] != "{" or not any('"feeds"' in line for _, line in lines):
         return False
     try:
         document = json.loads("\n".join(line for _, line in lines))
