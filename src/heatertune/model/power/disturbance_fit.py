@@ -30,8 +30,8 @@ from heatertune.model.power.regressors import AMBIENT, FIRST_STATE, GAIN, SECOND
 from heatertune.model.statistics import ar1_bic, replace_outliers, sensor_step
 
 __all__ = [
-    "TAILS_PCT", "Way", "ar1_covariance", "bic_of", "coincides", "cooling_effect", "edges_of", "is_plain_rest",
-    "is_sensible", "left_over", "lowest_degC", "refit_all", "starts", "with_events", "with_loads",
+    "COLDER", "TAILS_PCT", "Way", "ar1_covariance", "bic_of", "coincides", "cooling_effect", "edges_of",
+    "is_plain_rest", "is_sensible", "left_over", "lowest_degC", "refit_all", "starts", "with_events", "with_loads",
     "without_disturbance", "without_events",
 ]
 
@@ -376,7 +376,7 @@ _GAIN = 20.0  # BIC points a load step has to be worth: its instant is chosen am
 _LEFT = 2e-3  # of the span
 _INSTANTS = 80
 _ROUNDS = 3
-_COLDER = 0.05  # of the span: noise and a poor start
+COLDER = 0.05  # of the span: noise and a poor start
 _GRID = 16  # instants
 _EDGE = 0.1  # of the power's range: a smaller edge moves too little to hide anything
 _FEW = 3.0  # sampling intervals
@@ -404,7 +404,7 @@ def is_sensible(problem: PowerProblem, fit: PowerFit) -> bool:
     if float(problem.readings.level_pct.min()) < 0.0:
         return True
     readings = problem.readings.temperature_degC
-    return float(fit.linear[AMBIENT]) <= lowest_degC(problem) + _COLDER * float(np.ptp(readings))
+    return float(fit.linear[AMBIENT]) <= lowest_degC(problem) + COLDER * float(np.ptp(readings))
 
 
 def lowest_degC(problem: PowerProblem) -> float:

@@ -15,6 +15,7 @@ import numpy as np
 from heatertune.errors import HeatertuneError, NotRepresentable
 from heatertune.model.findings import KINDS
 from heatertune.model.model_values import FittedModel
+from heatertune.model.power.disturbance_fit import COLDER
 from heatertune.model.reduction import cools
 from heatertune.plc import controller_for
 from heatertune.plc.targets import REPAIRED
@@ -52,7 +53,6 @@ _OF_RANGE: Final = (1.0, 0.5, 0.25)
 _SSR: Final = "ssr"
 _BY_ROOM: Final = ("the heaters whose room is no warmer than the log's lowest reading have a design that passes: state "
                    "the room's temperature (--ambient)")
-_COLDER: Final = 0.05  # of the span of the readings: noise and a poor start
 _HOPELESS: Final = 1.2  # of the band: no open point is what it fails for
 
 
@@ -327,7 +327,7 @@ class Suggestion:
         if fitted.residuals is None or cools(fitted):
             return False
         readings = fitted.residuals.measured_degC
-        warmest_degC = float(np.min(readings)) + _COLDER * float(np.ptp(readings))
+        warmest_degC = float(np.min(readings)) + COLDER * float(np.ptp(readings))
         likely = tuple(candidate for candidate in fitted.candidates
                        if candidate.model.ambient_degC is not None and candidate.model.ambient_degC <= warmest_degC)
         if not 0 < len(likely) < len(fitted.candidates):
