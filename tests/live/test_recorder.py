@@ -386,8 +386,24 @@ def test_a_log_that_is_changed_again_and_again_goes_on(served, places, tmp_path)
 
     recorded = record(way(plc, "s7"), path, places, shown=shown, ended=Until(plc))
     assert len(recorded.notes) > 3
-    if path.exists():
+    if "before the recording ended" not in recorded.notes[-1]:  # else what is left was changed after the last row
         assert {float(f"{at:.9g}") for at in seen} >= set(rows_of(path)[:, 0])
+
+
+@pytest.mark.parametrize(("what", "change"), [(what, change) for what, changes in CHANGES.items() for change in changes])
+def test_a_log_that_others_change_after_its_last_row_is_told(served, places, tmp_path, what, change):
+    plc, path, changed = served(intervals=2000, **SLOW), tmp_path / "log.csv", []
+
+    def shown(so_far):
+        if so_far.rows >= 20:
+            change(path)
+            changed.append(path)
+
+    recorded = record(way(plc, "s7"), path, places, shown=shown, ended=lambda: bool(changed))
+    assert len(recorded.notes) == 1
+    assert recorded.notes[0].startswith(f"{path}: was ")
+    assert what in recorded.notes[0]
+    assert recorded.notes[0].endswith(" before the recording ended")
 
 
 def test_a_comment_that_somebody_adds_stays_and_rows_of_another_recorder_end_it(served, places, tmp_path):
