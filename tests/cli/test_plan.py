@@ -145,6 +145,34 @@ def test_a_model_and_ranges_together_are_refused(run, tmp_path):
 
 
 @pytest.mark.long
+def test_a_log_and_the_folder_of_its_design_are_planned_for_as_the_model_of_fit(run, model, tmp_path):
+    (tmp_path / "design").mkdir()
+    (tmp_path / "design" / "model.json").write_bytes(model.read_bytes())
+    stated = ("--limit-temperature", 60, "--kind", "doublet", "--json", "--quiet")
+    expected = run("plan", model, *stated)
+    assert expected[0] == 0
+    assert run("plan", tmp_path / "design", *stated)[1] == expected[1]
+    assert run("plan", tmp_path / "log.csv", *stated)[1] == expected[1]
+    highest = max(float(line.split(",")[1]) for line in (tmp_path / "log.csv").read_text().splitlines()[1:])
+    unstated = json.loads(run("plan", tmp_path / "log.csv", *stated[2:])[1])
+    assert unstated["conditions"]["limit_degC"] == highest
+    assert unstated["highest_degC"] <= highest
+
+
+def test_a_log_that_needs_options_names_the_way_by_fit_which_works(run, tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("temp_C,power_pct\n" + "".join(
+        f"{20 + 16 * (1 - np.exp(-max(0, k - 8) / 12)):.2f},{40 * (k > 5)}\n" for k in range(60)))
+    status, _, err = run("plan", path, "--limit-temperature", 60, "--quiet")
+    assert status == 2
+    assert "--log-interval" in err
+    assert "heatertune fit LOG -o model.json; then heatertune plan model.json" in err
+    model = tmp_path / "model.json"
+    assert run("fit", path, "--log-interval", 2, "-o", model, "--quiet")[0] == 0
+    assert run("plan", model, "--limit-temperature", 60, "--kind", "doublet", "--quiet")[0] == 0
+
+
+@pytest.mark.long
 def test_fit_says_that_a_log_is_a_relay_test(run, tmp_path):
     heater = Fopdt(gain_degC_per_pct=0.4, time_constant_s=100.0, dead_time_s=10.0, ambient_degC=20.0)
     schedule = simulate_relay(heater, TwoLevelRelay(setpoint_degC=38.0, hysteresis_degC=0.5, high_pct=80.0), 700.0, sample_time_s=2.0)

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, Final
 from heatertune import chain, options, report
 from heatertune.cli import common, printing
 from heatertune.cli.saved_design import add_known_options, controller_words
-from heatertune.codec import plain
-from heatertune.errors import InputError
+from heatertune.codec import peek_schema, plain
+from heatertune.errors import DocumentError, InputError
 from heatertune.settings import FitSettings, ValidateSettings
 from heatertune.writing import write_files
 
@@ -142,12 +142,14 @@ def add_plan(commands: Any) -> None:
         description="Propose the doublet or relay test that identifies a heater best within a temperature limit, and "
                     "predict the intervals before anything is heated.",
     )
-    command.add_argument("model", metavar="MODEL", nargs="?", help="model.json as written by fit")
+    command.add_argument("model", metavar="MODEL", nargs="?",
+                         help="model.json as written by fit, the folder of a design, or a log that fit reads without "
+                              "options")
     command.add_argument("-o", "--out", metavar="FILE", help="write the schedule to this CSV; or the relay's settings")
     _add_prior_options(command)
     group = command.add_argument_group("the experiment")
-    group.add_argument("--limit-temperature", type=float, required=True, metavar="°C",
-                       help="no plausible heater exceeds it [°C]")
+    group.add_argument("--limit-temperature", type=float, metavar="°C",
+                       help="no plausible heater exceeds it [°C] (default: the highest logged temperature)")
     group.add_argument("--max-duration", type=float, metavar="S",
                        help="longest duration [s] (default: six time constants of the slowest plausible heater)")
     group.add_argument("--power", nargs=2, type=float, default=(0.0, 100.0), metavar=("LOW", "HIGH"),
@@ -185,7 +187,7 @@ def _run_plan(settings: argparse.Namespace) -> int:
     low, high = settings.power
     document = plain(chain.plan(
         _ranges(settings) if fitted is None else fitted,
-        limit_degC=settings.limit_temperature, longest_s=settings.max_duration, kind=settings.kind,
+        limit_degC=_limit_degC(settings, fitted), longest_s=settings.max_duration, kind=settings.kind,
         ambient_degC=_known_ambient(settings),
         noise=noise_of(
             fitted, std_degC=settings.noise, correlation=settings.correlation, resolution_degC=settings.resolution,
@@ -200,6 +202,19 @@ def _run_plan(settings: argparse.Namespace) -> int:
     opening = [] if fitted is None else _known_already(fitted, settings.aim / 100.0)
     printing.output(settings, document, lambda: "\n".join([*opening, report.plan_lines(document)]))
     return 0
+
+
+def _limit_degC(settings: argparse.Namespace, fitted: FittedModel | None) -> float:
+    """Return the temperature that the experiment may reach.
+
+    Raises:
+        InputError: it is not stated, and no log has reached one.
+    """
+    if settings.limit_temperature is not None:
+        return float(settings.limit_temperature)
+    if fitted is None or fitted.logged_range_degC is None:
+        raise InputError("plan needs --limit-temperature °C, which no plausible heater exceeds")
+    return fitted.logged_range_degC[1]
 
 
 def _known_already(fitted: FittedModel, aim: float) -> list[str]:
@@ -217,16 +232,30 @@ def _known_already(fitted: FittedModel, aim: float) -> list[str]:
 
 
 def _model(settings: argparse.Namespace) -> FittedModel:
-    """Return the model of the file.
+    """Return the model of the file or of a design's folder, or the one that fits a log.
 
     Raises:
-        InputError: ranges are given as well.
+        InputError: ranges are given as well; a log that needs options of fit.
     """
-    from heatertune.model.model_document import read_model
-
     if any(getattr(settings, name) is not None for name in _RANGES):
         raise InputError("name a model file or --gain, --time-constant, --dead-time, not both")
-    return read_model(settings.model)
+    given = Path(settings.model)
+    path = given / "model.json" if given.is_dir() else given
+    if given.is_dir() or _is_document(path):
+        return common.model_from(settings, str(path))
+    try:
+        return chain.fit(chain.read_log(settings.model), progress=printing.Progress(settings))
+    except InputError as problem:
+        raise InputError(f"{problem} (options of a log belong to heatertune fit LOG -o model.json; then heatertune "
+                         "plan model.json)") from None
+
+
+def _is_document(path: Path) -> bool:
+    """Return whether a file is a document of heatertune, or is named like one that is not there."""
+    try:
+        return peek_schema(path) is not None
+    except DocumentError:
+        return path.suffix == ".json" and not path.exists()
 
 
 def _ranges(settings: argparse.Namespace) -> dict[str, tuple[float, float]]:

@@ -38,7 +38,7 @@ KINDS: Final[dict[str, FindingKind]] = {
         "blocks", "no model explains the log well", "log the power, with doors and fans unchanged"),
     "dead-time-open": FindingKind(
         "blocks", "the log does not bound the dead time",
-        "log one step of the power at a shorter interval (heatertune plan), or bound it with --dead-time-at-most"),
+        "log one step of the power at a shorter interval (heatertune plan LOG), or bound it with --dead-time-at-most"),
     "faster-than-log": FindingKind(
         "blocks", "the heater answers faster than the log's interval shows", "log at a shorter interval"),
     "not-foretold": FindingKind(
@@ -50,7 +50,7 @@ KINDS: Final[dict[str, FindingKind]] = {
     "unexplained-by-power": FindingKind(
         "blocks", "the power does not explain the temperature",
         "log steps of the power from rest, each until the temperature is steady, with doors, fans and other heaters "
-        "unchanged (heatertune plan)"),
+        "unchanged (heatertune plan LOG)"),
     "halves-disagree": FindingKind(
         "widens", "the halves of the log give different heaters", "log one open-loop step until the temperature is "
                                                                   "steady"),
@@ -102,7 +102,7 @@ KINDS: Final[dict[str, FindingKind]] = {
         "blocks", "not every plausible heater can hold the setpoint", "log closer to the setpoint, or lower it"),
     "beyond-the-log": FindingKind(
         "blocks", "a setpoint lies beyond the logged temperatures",
-        "log up to the setpoint (heatertune plan MODEL --limit-temperature), or two powers up to half of it, each "
+        "log up to the setpoint (heatertune plan LOG --limit-temperature °C), or two powers up to half of it, each "
         "until it rests; or choose one that the log covers (--setpoint)", by_case=True),
     "coarse-sensor": FindingKind(
         "blocks", "the sensor is too coarse for the requested tolerance",
@@ -202,8 +202,8 @@ KINDS: Final[dict[str, FindingKind]] = {
 }
 
 
-_LONGER: Final = ("log steps of the power up and down (heatertune plan), each until the temperature is steady, with "
-                  "doors and fans unchanged")
+_LONGER: Final = ("log steps of the power up and down (heatertune plan LOG), each until the temperature is steady, "
+                  "with doors and fans unchanged")
 #: kind → its remedy if the power is already logged
 _OF_POWER_LOGS: Final = {
     "poor-fit": "keep doors and fans unchanged while you log, and log each change of the power at its own time",
