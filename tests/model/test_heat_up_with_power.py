@@ -49,6 +49,43 @@ def test_what_is_shown_is_the_heater(made, seed):
     assert inside.low <= gain <= inside.high
 
 
+def pulses(seed, *ends_s, noise):
+    """A log of two lags whose power is on from 60 s and in each further pair of instants."""
+    time = np.arange(0.0, ends_s[-1], 6.0)
+    power = np.where(np.searchsorted([60.0, *ends_s[:-1]], time, side="right") % 2 == 1, 70.0, 0.0)
+    return logged(time, power, gain=1.9, lag=600.0, second=150.0, dead=20.0, noise=noise(seed, len(time)))
+
+
+def white(seed, count):
+    return np.random.default_rng(seed).normal(0.0, 0.06, count)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("ends_s", [(460.0, 2400.0), (360.0, 960.0, 1260.0, 2400.0), (960.0, 2400.0)],
+                         ids=["a pulse", "two pulses", "up and down"])
+def test_pulses_show_the_heater_too(ends_s, seed):
+    """Here one lag alone puts the room too high: it is neither taken for the truth nor set to the first readings."""
+    fitted = ht.fit(pulses(seed, *ends_s, noise=white))
+    assert fitted.outcome.name == "IDENTIFIED"
+    truths = {"gain_degC_per_pct": 1.9, "time_constant_s": 675.0, "dead_time_s": 95.0, "ambient_degC": AMBIENT}
+    for name, truth in truths.items():
+        inside = fitted.ci95[name]
+        assert inside.low <= truth <= inside.high, name
+    assert fitted.model.gain_degC_per_pct == pytest.approx(1.9, rel=0.02)
+    assert not {each.name for each in fitted.findings} - {"one-level"}
+
+
+def test_a_refuted_lag_shows_intervals_that_hold_two_lags_as_well():
+    """Slow noise keeps two lags from one lag's place: their gain of 1.9 lay below one lag's interval."""
+    fitted = ht.fit(pulses(4, 500.0, 501.0, noise=lambda seed, count: coloured(seed, count, 0.1)))
+    assert fitted.outcome.name == "COMBINATIONS_ONLY"
+    two = next(each.model for each in fitted.candidates if len(each.model.lags_s) == 2)
+    for name, value in (("gain_degC_per_pct", two.gain_degC_per_pct), ("time_constant_s", two.half_rule().time_constant_s)):
+        inside = fitted.ci95[name]
+        assert inside.low <= value
+        assert inside.high is None or value <= inside.high
+
+
 def test_no_plausible_heater_is_one_that_the_log_refutes():
     gain, *_ = HEATERS["kiln"]
     fitted = ht.fit(heat_up("kiln", 3))

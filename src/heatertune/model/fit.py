@@ -16,9 +16,11 @@ from heatertune.model.diagnostics import Remark, findings_of, neighbour_findings
 from heatertune.model.disturbance import DisturbanceEffect, LossEffect
 from heatertune.model.findings import Finding
 from heatertune.model.model_values import FitOutcome, FittedModel, model_by_hand
+from heatertune.model.power.candidates import second_is_seen
 from heatertune.model.power.disturbance_fit import is_sensible
 from heatertune.model.power.explanation import Explanation, explain_log
 from heatertune.model.power.feedback import explains, follows_temperature, is_feedback, loop_remarks
+from heatertune.model.power.fit_checks import checks_in_place
 from heatertune.model.power.fit_logs import fit_logs, two_scales_of_logs
 from heatertune.model.power.fit_power import fit_extended, fit_power, share_remarks, weigh_fit
 from heatertune.model.power.known_controller import KnownController, compare, offset_degC, rate, records, replay_notes
@@ -554,10 +556,16 @@ def _begun_at_degC(log: Log, explanation: Explanation) -> float | None:
     assert log.power_pct is not None
     on = np.flatnonzero(log.power_pct != 0.0)
     first = log.temperature_degC[: on[0] if len(on) else 0]
-    if not len(first) or is_sensible(explanation.problems[0], explanation.fits[0]):
+    if not len(first) or is_sensible(explanation.problems[0], explanation.fits[0]) or _two_lags_explain(explanation):
         return None
     initial_degC = float(np.median(first))
     return initial_degC if explanation.fits[0].linear[AMBIENT] > initial_degC else None
+
+
+def _two_lags_explain(explanation: Explanation) -> bool:
+    """Return whether two lags, which may take one lag's place, explain a log whose room one lag finds too warm."""
+    one_lag, two = zip(explanation.problems, explanation.fits, strict=True)
+    return second_is_seen(two[1]) and is_sensible(*two) and checks_in_place(*two, one_lag) is not None
 
 
 def _nearest_end(explanation: Explanation, ambient_degC: Bounds) -> float | None:

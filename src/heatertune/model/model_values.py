@@ -273,15 +273,19 @@ class Validation:
     halves: tuple[Half, Half] | None
 
 
-def disagreeing_parameters(halves: tuple[Half, Half]) -> tuple[str, ...]:
+def disagreeing_parameters(halves: tuple[Half, Half], *, reaches: float = 1.0) -> tuple[str, ...]:
     """Return the parameters whose two values differ significantly (95 %).
 
     The variances of two independent estimates add up.
+
+    Args:
+        halves: of a log.
+        reaches: factor on the intervals, for another level of significance.
     """
     first, second = halves
     return tuple(
         name for name, value in first.values.items()
-        if abs(value - second.values[name]) > math.hypot(*(_reach(half, name) for half in halves))
+        if abs(value - second.values[name]) > reaches * math.hypot(*(_reach(half, name) for half in halves))
     )
 
 

@@ -53,7 +53,8 @@ _POOR = 60.0  # fit [%] below which a model is no rival
 class Rival(NamedTuple):
     """An alternative one-lag fit, its difference, and a sentence about it.
 
-    If `shifted`, the power itself is different: the ends in between are not heaters of the log as read.
+    If `shifted`, the power itself is different: the ends in between are not heaters of the log as read. If `of_start`,
+    it begins from rest, or not, other than the working model.
     """
 
     problem: PowerProblem
@@ -62,6 +63,7 @@ class Rival(NamedTuple):
     law: str
     sentence: str
     shifted: bool = False
+    of_start: bool = False
 
 
 def rivals_of(
@@ -172,7 +174,7 @@ def _other_rest(log: Log, problem: PowerProblem, fit: PowerFit) -> Iterator[Riva
                 f"With a start {start_texts[problem.at_rest]}, {_heater(fit.model)}; {start_texts[other.at_rest]}, "
                 f"{_heater(refit.model)}. The readings before the first step do not decide, so both are candidates and "
                 "the intervals contain both; log more readings before the first step."
-            ))
+            ), of_start=True)
 
 
 def _other_edges(log: Log, problem: PowerProblem, fit: PowerFit, dead: Interval | None) -> Iterator[Rival]:

@@ -39,6 +39,8 @@ Rows = npt.NDArray[np.bool_]
 _WINDOWS = 6  # the first stays in every fit because it defines the initial state
 _BEGUN = 5  # readings of a later segment
 _AS_WELL = 5.0  # fit [%] that may be lost
+_FELT_CORRELATION = 0.1  # of noise with the power: a hundredth of its variance
+_TOGETHER = 1.22  # intervals of three parameters at 5 % for all of them together (Bonferroni), of those of each at 5 %
 _FELT = 0.02  # of a parameter, between the halves of a log: what is smaller moves no criterion of the loop
 _FEWEST = 20  # readings of a half
 _CROSS_VALIDATION_READINGS = 250  # averaged, of a half
@@ -187,17 +189,26 @@ def checks_in_place(
 ) -> Validation | None:
     """Return the checks of two lags that may take a rival's place, None if they may not.
 
-    They have to leave noise alone, predict the windows that are left out, pass all checks, and need no room that is
-    warmer than the log where the rival needs none.
+    They have to leave noise alone, predict the windows that are left out, pass all checks (at a level that holds for
+    all of them together, and but for what is too little to matter), and need no room that is warmer than the log where
+    the rival needs none.
     """
     if fit.model is None or not leaves_noise(problem.readings, fit.simulated_degC):
         return None
     validation, found_pct = check_fit(problem, fit), fit_pct(problem.readings.temperature_degC, fit.simulated_degC)
-    follows, both = validation.input_correlation, validation.halves
-    passes = (
-        follows is None or follows.ok, both is None or not disagreeing_parameters(both),
-        validation.held_out.fit_pct >= found_pct - DROP_PCT, is_sensible(problem, fit) or not is_sensible(*rival))
+    passes = (not _follows(validation.input_correlation), validation.halves is None or not _differ(validation.halves),
+              validation.held_out.fit_pct >= found_pct - DROP_PCT,
+              is_sensible(problem, fit) or not is_sensible(*rival))
     return validation if all(passes) else None
+
+
+def _follows(correlation: InputCorrelation | None) -> bool:
+    return correlation is not None and not correlation.ok and abs(correlation.largest) >= _FELT_CORRELATION
+
+
+def _differ(halves: tuple[Half, Half]) -> bool:
+    return any(_are_apart(*(half.values[name] for half in halves))
+               for name in disagreeing_parameters(halves, reaches=_TOGETHER))
 
 
 def predicts(problem: PowerProblem, fit: PowerFit) -> bool:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from statistics import NormalDist
 from typing import Final, NamedTuple
 
@@ -37,6 +38,7 @@ from heatertune.model.power.candidates import (
     Rival,
     candidates_of,
     family_of,
+    lies_inside,
     rivals_of,
     second_is_seen,
     widen_intervals,
@@ -64,6 +66,7 @@ from heatertune.model.power.uncertainty import (
     READINGS,
     ParameterNoise,
     bounds_of,
+    half_rule_by_draws,
     intervals_by,
     noise_of,
     squares_at,
@@ -76,6 +79,7 @@ from heatertune.model.statistics import (
     Interval,
     autocorrelation,
     fit_pct,
+    hull,
     identified_parts,
     sensor_step,
 )
@@ -563,14 +567,15 @@ def fit_power(explanation: Explanation, weight: WeighedFit, *, least_dead_time_s
     shown = _Shown(0, explanation.model, ci95, validation, (
         *widening_notes(wider or {}), *halves_notes(read_otherwise, as_read), *(rival.sentence for rival in rivals)),
         ratio=ratio)
-    if not (shown.is_resolved or rivals or open_start or explanation.has_events) and candidates[0].delta_bic > _NEAR:
-        shown = _by_two_lags(explanation, shown, wider or {}, seed)
+    is_open = open_start or explanation.has_events or not all(rival.of_start for rival in rivals)
+    if not (shown.is_resolved or is_open) and candidates[0].delta_bic > _NEAR and best_is_two and two.model:
+        shown = _by_two_lags(explanation, shown, rivals, wider or {}, seed)
     family, open_ = family_of(explanation, candidates, as_read, validation.halves, least_dead_time_s, wider or {}, seed,
                               two_lags=shown.alone)
     problem, best = explanation.problems[shown.place], explanation.fits[shown.place]
     simulated = explanation.at_readings(problem, best)
     fit = fit_pct(explanation.clean_temperature, simulated)
-    has_second_lag = second_is_seen(two) and not shown.place  # two lags that are shown have passed these checks
+    has_second_lag = second_is_seen(two) and not shown.place
     second = correlation_of(explanation.problems[1], two) if has_second_lag else None
     two_predict = (has_second_lag and validation.held_out.fit_pct < fit - DROP_PCT
                    and best_is_two and predicts(explanation.problems[1], two))
@@ -578,7 +583,8 @@ def fit_power(explanation: Explanation, weight: WeighedFit, *, least_dead_time_s
     least_s = math.exp(explanation.problems[0].low[0])
     checks = [*bend_remarks(explanation.bend),
               *share_remarks(log.name, explanation.problems, explanation.fits, explanation.doubt),
-              *judgement_remarks(log, shown.validation, fit, second, two_lags_predict=two_predict),
+              *(() if shown.place else  # two lags that are shown have passed these checks
+                judgement_remarks(log, shown.validation, fit, second, two_lags_predict=two_predict)),
               *alias_remarks(explanation.alias), *fast_remarks(least_s, shown.model.time_constant_s, log.name),
               *level_remarks(log)]
     return FittedModel(
@@ -626,19 +632,39 @@ class _Shown(NamedTuple):
         return all(identified_parts(self.ci95[name]) for name in ("gain_degC_per_pct", "time_constant_s"))
 
 
-def _by_two_lags(explanation: Explanation, single: _Shown, wider: Mapping[str, float], seed: int) -> _Shown:
-    """Return two lags by the half rule, if they may take one lag's place, see `checks_in_place`; else one lag."""
+def _by_two_lags(
+    explanation: Explanation, single: _Shown, starts: Sequence[Rival], wider: Mapping[str, float], seed: int
+) -> _Shown:
+    """Return two lags by the half rule, if they may take one lag's place, see `checks_in_place`; else one lag.
+
+    They have to be the same heater with each start that one lag leaves open. One lag that is refuted keeps its values,
+    with intervals that hold those of two lags as well.
+    """
     problem, fit = explanation.problems[1], explanation.fits[1]
-    is_shown = second_is_seen(fit)
-    validation = checks_in_place(problem, fit, (explanation.problems[0], explanation.fits[0])) if is_shown else None
-    if validation is None or fit.model is None:
-        return single
+    assert fit.model is not None
+    validation = checks_in_place(problem, fit, (explanation.problems[0], explanation.fits[0]))
     own = interval_widening(problem, fit)
-    ci95 = intervals_by(problem, fit, [{name: max(own[name], wider.get(name, 1.0)) for name in own}], seed=seed)[0]
-    shown = half_rule_intervals(fit.model, ci95)
+    factors = {name: max(own[name], wider.get(name, 1.0)) for name in own}
+    ci95 = intervals_by(problem, fit, [factors], seed=seed)[0]
+    shown = _with_both(half_rule_intervals(fit.model, ci95), half_rule_by_draws(problem, fit, factors, seed=seed))
+    if validation is None or not all(_starts_alike(problem, fit, start, shown) for start in starts):
+        known = {name: inside for name, inside in single.ci95.items() if inside is not None}
+        return single._replace(ci95={**single.ci95, **_with_both(known, shown)}, ratio=hull(single.ratio, shown[RATIO]))
     reported = {name: shown.get(name) for name in FIELDS}
     return _Shown(1, fit.model.half_rule(), reported, validation, (TWO_LAGS_SHOWN, *widening_notes(own)), shown[RATIO],
                   alone=ci95)
+
+
+def _with_both(ci95: Mapping[str, Interval], others: Mapping[str, Interval]) -> dict[str, Interval]:
+    return {name: hull(inside, others[name]) if name in others else inside for name, inside in ci95.items()}
+
+
+def _starts_alike(problem: PowerProblem, fit: PowerFit, start: Rival, ci95: Mapping[str, Interval]) -> bool:
+    """Return whether two lags with another start explain the log worse, or by a heater within the intervals."""
+    other = replace(start.problem, two_lags=True)
+    refit = min((other.fit(), other.refine(fit.vector[None, :])), key=lambda trial: bic_of(other, trial))
+    return (refit.model is None or bic_of(other, refit) > bic_of(problem, fit) + _NEAR
+            or lies_inside(refit.model.half_rule(), ci95))
 
 
 def fit_extended(logs: Sequence[Explanation], extended: Sequence[LossFit | TwoScaleFit]) -> FittedModel:
