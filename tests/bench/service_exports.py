@@ -339,3 +339,18 @@ def _(run):
 def _(run):
     step = run.seconds[1] - run.seconds[0]
     return "\n".join(f"Setpoint:{t:.1f},Input:{d:.2f},Output:{2.55 * p:.2f}" for _, d, p, t in run.rows), OF_255 | {"--log-interval": f"{step:g}"}
+
+
+@hostile("SenML in a list, its base in the first record")
+def _(run):
+    # labels and units: RFC 8428, tables 1 and 6 and its examples
+    records = [{"n": name, "u": unit, "t": s, "v": value} for s, d, p, t in run.rows
+               for name, unit, value in (("temperature", "Cel", round(d, 2)), ("setpoint", "Cel", t), ("heater", "%", p))]
+    return json.dumps([{"bn": "urn:dev:ow:10e2073a01080063:", "bt": EPOCH}, *records]), {}
+
+
+@hostile("SenML in lines, kelvins and a ratio, each record with its base")
+def _(run):
+    records = [{"bt": EPOCH + s, "n": name, "u": unit, "v": round(value, 4)} for s, d, p, _ in run.rows
+               for name, unit, value in (("oven-temperature", "K", d + 273.15), ("oven-heater", "/", p / 100.0))]
+    return "\n".join(map(json.dumps, records)), {}

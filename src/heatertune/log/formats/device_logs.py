@@ -8,7 +8,7 @@ import json
 import re
 import sys
 from array import array
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -265,12 +265,17 @@ def _json_lines(path: Path, numbered: Sequence[Line], __: str | None) -> FormatT
 
 def _json(path: Path, numbered: Sequence[Line], tag: str | None) -> FormatTable:
     """Return the longest list of records in a whole text of JSON as a table."""
-    try:
-        lists = dict(_lists(json.loads("\n".join(line for _, line in numbered))))
-    except (ValueError, RecursionError):
-        lists = {}
+    lists = _json_of(numbered, lambda value: dict(_lists(value))) or {}
     records = list(map(dict, map(_flat, _longest(path, lists, tag) if lists else ())))
     return _of_records(path, records, range(1, len(records) + 1))._replace(part=str(tag) if tag in lists else "")
+
+
+def _json_of(lines: Sequence[Line], part: Callable[[Any], Any] = lambda value: value) -> Any:
+    """Return a part of what lines of JSON hold, None where they are none, are nested too deep, or have no such part."""
+    try:
+        return part(json.loads("\n".join(line for _, line in lines)))
+    except (ValueError, RecursionError, TypeError):
+        return None
 
 
 def _thingspeak(path: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
@@ -475,10 +480,7 @@ _OF_PANDAS: Final = re.compile(
 def _is_indexed(lines: Sequence[Line]) -> bool:
     if not lines or _OF_PANDAS.match("\n".join(line[:_HEAD] for _, line in lines[:5])) is None:
         return False
-    try:
-        return bool(_indexed(json.loads("\n".join(line for _, line in lines))))
-    except (ValueError, RecursionError, TypeError):
-        return False
+    return bool(_json_of(lines, _indexed))
 
 
 def _is_artisan(lines: Sequence[Line]) -> bool:
@@ -508,10 +510,7 @@ def _is_series(lines: Sequence[Line]) -> bool:
     if not lines or lines[0][1].lstrip()[:1] not in ("{", "[") or _OF_POINTS.search(
             "\n".join(line[:_HEAD] for _, line in lines[:20])) is None:
         return False
-    try:
-        return len(_series_in(json.loads("\n".join(line for _, line in lines)))) > 0
-    except (ValueError, RecursionError):
-        return False
+    return bool(_json_of(lines, _series_in))
 
 
 def _series_in(value: object) -> list[_NamedSeries]:
@@ -608,6 +607,35 @@ def _tasmota(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
     return FormatTable.from_rows(_LONG, rows, f"Console of Tasmota: {count(len(rows), 'value')} read.")
 
 
+_SENML: Final = frozenset(("bn", "bu", "bs", "bver", "n", "u", "vs", "vb", "vd", "s", "ut"))  # RFC 8428: other labels
+_SENML_NUMBERS: Final = ("v", "t", "bt", "bv")
+
+
+def _senml(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
+    """Return the values of SenML (RFC 8428) as a long table: what is base holds until another follows."""
+    base, rows = _Record(), list[list[str]]()
+    for record in _senml_records(numbered):
+        base |= {label: value for label, value in record.items() if label.startswith("b")}
+        unit, value = str(record.get("u", base.get("bu", ""))), record.get("v", record.get("vb"))
+        if value is not None:
+            unit = {"Cel": " [degC]", "/": " [0...1]", "": ""}.get(unit, f" [{unit}]")
+            rows.append([repr(base.get("bt", 0.0) + record.get("t", 0.0)),
+                         f"{base.get('bn', '')}{record.get('n', '')}{unit}", f"{value + base.get('bv', 0)}"])
+    return FormatTable(_LONG, rows, list(range(1, len(rows) + 1)), [f"SenML: {count(len(rows), 'value')} read."])
+
+
+def _senml_records(lines: Sequence[Line]) -> list[_Record]:
+    """Return the records of SenML, in a list or one in each line; empty where there is another."""
+    records = _json_of(lines) if lines[0][1].lstrip()[:1] == "[" else [_json_of([line]) for line in lines]
+    fits = records and all(map(_is_senml, records)) and any("bn" in record or "u" in record for record in records)
+    return records if fits else []
+
+
+def _is_senml(record: object) -> bool:
+    return isinstance(record, dict) and _SENML.issuperset(record.keys() - _SENML_NUMBERS) and all(
+        isinstance(record.get(label, 0), int | float) for label in _SENML_NUMBERS)
+
+
 _INSERT: Final = re.compile(r"INSERT INTO [\"`]?(\w+)[\"`]?(?: ?\(([^)]*)\))? VALUES ?\((.*)\);?$")
 _CREATE: Final = re.compile(r"CREATE TABLE (?:IF NOT EXISTS )?[\"`]?(\w+)[\"`]? ?\((.*)\);?$")
 
@@ -655,6 +683,7 @@ _NEARLY_ALL: Final = 0.9
 DEVICE_LOGS: Final = (
     TextFormat("feed of ThingSpeak", _is_thingspeak, _thingspeak),
     TextFormat("series in JSON", _is_series, _series),
+    TextFormat("SenML", lambda lines: _within(lines[:5], '.{0,999}"v"') and bool(_senml_records(lines)), _senml),
     TextFormat("events of openHAB", matching(_OPENHAB), _openhab),
     TextFormat("console of Tasmota", matching(_TASMOTA_WORD), _tasmota),
     TextFormat("dump of SQLite", matching(_INSERT), _sql),
