@@ -613,18 +613,19 @@ _SENML_NUMBERS: Final = ("v", "t", "bt", "bv")
 
 def _senml(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
     """Return the values of SenML (RFC 8428) as a long table: what is base holds until another follows."""
-    base, rows = _Record(), list[list[str]]()
+    rows, source, begin, usual, offset = list[list[str]](), "", 0.0, "", 0.0
     for record in _senml_records(numbered):
-        base |= {label: value for label, value in record.items() if label.startswith("b")}
-        unit, value = str(record.get("u", base.get("bu", ""))), record.get("v", record.get("vb"))
+        source, begin = record.get("bn", source), record.get("bt", begin)
+        usual, offset = record.get("bu", usual), record.get("bv", offset)
+        unit, value = str(record.get("u", usual)), record.get("v", record.get("vb"))
         if value is not None:
             unit = {"Cel": " [degC]", "/": " [0...1]", "": ""}.get(unit, f" [{unit}]")
-            rows.append([repr(base.get("bt", 0.0) + record.get("t", 0.0)),
-                         f"{base.get('bn', '')}{record.get('n', '')}{unit}", f"{value + base.get('bv', 0)}"])
+            name = f"{source}{record.get('n', '')}{unit}"
+            rows.append([repr(begin + record.get("t", 0.0)), name, f"{value + offset if offset else value}"])
     return FormatTable(_LONG, rows, list(range(1, len(rows) + 1)), [f"SenML: {count(len(rows), 'value')} read."])
 
 
-def _senml_records(lines: Sequence[Line]) -> list[_Record]:
+def _senml_records(lines: Sequence[Line]) -> list[Any]:
     """Return the records of SenML, in a list or one in each line; empty where there is another."""
     records = _json_of(lines) if lines[0][1].lstrip()[:1] == "[" else [_json_of([line]) for line in lines]
     fits = records and all(map(_is_senml, records)) and any("bn" in record or "u" in record for record in records)
