@@ -23,6 +23,7 @@ from heatertune.plc.words import check_fields
 from heatertune.proof.proof_document import digest_of, with_digest
 from heatertune.proof.repetition import recorded_conditions
 from heatertune.settings import Conditions
+from heatertune.zones.decoupling import Decoupling, decoupling_for
 from heatertune.zones.identify import FittedNetwork, ParameterLayout
 from heatertune.zones.joint_loop import ZoneLoop
 from heatertune.zones.joint_proof import JointProof, ZoneSpecification, prove_zones
@@ -98,6 +99,7 @@ class ZonesProvenance:
         specification: what the zones must keep.
         conditions: of the proof.
         ramp: of the setpoints of all zones; None: they step.
+        decoupled_share: of the static gains that the programs take back; 0: zones are not decoupled.
     """
 
     structure: str
@@ -109,6 +111,7 @@ class ZonesProvenance:
     specification: ZoneSpecification
     conditions: Conditions
     ramp: Ramp | None = None
+    decoupled_share: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -151,6 +154,12 @@ class ZonesDesign:
         return self.provenance.specification
 
     @property
+    def decoupling(self) -> Decoupling | None:
+        """What the programs add for the neighbours' temperatures; None: nothing."""
+        share = self.provenance.decoupled_share
+        return decoupling_for(self.fitted, self.specification.setpoints_degC, share) if share > 0.0 else None
+
+    @property
     def conditions(self) -> Conditions:
         """Conditions of the proof."""
         return self.provenance.conditions
@@ -158,12 +167,12 @@ class ZonesDesign:
 
 def to_document(proof: JointProof, files: Iterable[str] = ()) -> Mapping[str, object]:
     """Return network, words of all zones, their proof and exported files as a JSON document, its digest last."""
-    fitted, network = proof.fitted, proof.fitted.network
+    fitted, network, decoupling = proof.fitted, proof.fitted.network, proof.design.decoupling
     provenance = ZonesProvenance(
         structure=proof.design.structure, ms_zones=proof.design.ms_zones, scaling=proof.words[0].scaling,
         sample_time_s=proof.words[0].sample_time_s, actuator=proof.actuator, network=NetworkRecord.from_fitted(fitted),
         specification=proof.specification, conditions=recorded_conditions(proof.conditions),
-        ramp=proof.words[0].ramp)
+        ramp=proof.words[0].ramp, decoupled_share=0.0 if decoupling is None else decoupling.share)
     return with_digest({
         "schema": SCHEMA,
         "verdict": proof.verdict,
@@ -180,6 +189,7 @@ def to_document(proof: JointProof, files: Iterable[str] = ()) -> Mapping[str, ob
         "exchange": [list(map(float, row)) for row in network.exchange],
         "shown_couplings": dict(fitted.couplings),
         "ci95": {name: [interval.low, interval.high] for name, interval in fitted.ci95.items()},
+        "decoupling": None if decoupling is None else plain(encode(decoupling)), "remarks": list(proof.remarks),
         "sample_time_s": proof.words[0].sample_time_s,
         "range_degC": list(proof.words[0].scaling.sensor_degC),
         "criteria": [plain({"name": each.name, "value": each.value, "limit": each.limit, "ok": each.ok,
@@ -249,7 +259,7 @@ def prove_again(design: ZonesDesign) -> JointProof:
         raise ExportRefused(f"{path}: the joint proof is {design.verdict}; only words that pass are written")
     tuner = JointTuner(design.fitted, design.words[0].target, scaling=origin.scaling, structure=origin.structure,
                        sample_time_s=origin.sample_time_s)
-    again = tuner.design_for(origin.ms_zones).with_ramp(origin.ramp)
+    again = tuner.design_for(origin.ms_zones, design.decoupling).with_ramp(origin.ramp)
     for zone, stored_words, words in zip(design.zones, design.words, again.words, strict=True):
         if dict(stored_words.values) != dict(words.values):
             raise ExportRefused(f"{path}: zone {zone}: its design makes other words than the file has, so it was "
