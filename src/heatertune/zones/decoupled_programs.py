@@ -1,4 +1,4 @@
-"""The statements that decouple zones, in the exported programs: of STEP 7 into DISV, in structured text around the block.
+"""The statements that decouple zones in exported programs: of STEP 7 into DISV, in structured text around the block.
 
 They read the neighbours' sensors at the instant of the zone's own reading, in REALs and in the order of
 `heatertune.zones.joint_kernel.neighbours_pct`. A reading that tells of a broken sensor is left out.
@@ -38,7 +38,8 @@ def decoupled_cont_c(source: str, number: int, proof: JointProof) -> str:
     body = "\n".join(_disv_statements(number, proof))
     source = _once(r"(      CALL  FB 41 , DB 41 \(\n           COM_RST := FALSE,)", rf"{body}\n\1", source)
     source = _once(r"(  manual : BOOL ;\n)", r"\1  near : INT ;\n", source)
-    return _once(r"(// verdict of the proof)", rf"// {_remark(number, proof)}; their inputs stand in its FB, too\n\1", source)
+    remark = f"// {_remark(number, proof)}; put the addresses of their inputs in FB 102, too"
+    return _once(r"(// verdict of the proof)", rf"{remark}\n\1", source)
 
 
 def _disv_statements(number: int, proof: JointProof) -> Iterator[str]:

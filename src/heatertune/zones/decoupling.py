@@ -27,13 +27,13 @@ from heatertune.plc.words import Words
 from heatertune.zones.identify import FittedNetwork
 from heatertune.zones.joint_kernel import DecouplingArrays
 
-__all__ = ["DECOUPLED", "Decoupling", "decoupling_arrays", "decoupling_for", "demand_input", "neighbours_in"]
+__all__ = ["WRITTEN", "Decoupling", "decoupling_arrays", "decoupling_for", "demand_input", "neighbours_in"]
 
-#: targets whose exported programs decouple zones
-DECOUPLED: Final = ("fb41", "iec-pid")
+#: target whose exported program decouples zones → words of its block that the program then writes at each call
+WRITTEN: Final = {"fb41": ("DISV",), "iec-pid": ("XMIN", "XMAX")}
 #: why others do not
 _REASONS: Final = {
-    "s5-ob251": "its Z takes whole numbers, and the exported listing has no multiplication",
+    "s5-ob251": "its Z takes whole numbers, and the exported listing does not scale the neighbours' readings to them",
     "s7-300": "its block has no input for a disturbance variable, and limits its bias to 0…100 %"}
 _NO_INPUT: Final = "its exported program has no input for a disturbance variable, or none that sees the other zones"
 
@@ -65,9 +65,9 @@ def demand_input(target: str) -> None:
     Raises:
         InputError: it is one.
     """
-    if target not in DECOUPLED or controller_for(target).core.disturbance_step is None:
+    if target not in WRITTEN or controller_for(target).core.disturbance_step is None:
         raise InputError(f"--decouple: not for {target}: {_REASONS.get(target, _NO_INPUT)}; leave it out, or take "
-                         f"--target {' or '.join(DECOUPLED)}")
+                         f"--target {' or '.join(WRITTEN)}")
 
 
 def decoupling_for(fitted: FittedNetwork, setpoints_degC: Sequence[float], share: float) -> Decoupling | None:

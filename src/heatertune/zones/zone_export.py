@@ -108,8 +108,8 @@ def demand_program(target: str, zones: int, *, staggered: bool) -> None:
                          f"{' or '.join(_ONE_CLOCK)}")
     most = _MOST.get(target, zones)
     if zones > most:
-        raise InputError(f"{zones} zones: a program of {target} has outputs and blocks for {most}; make two groups that "
-                         "do not touch, or take a target with files of its own for each zone (heatertune targets)")
+        raise InputError(f"{zones} zones: a program of {target} has outputs and blocks for {most}; make two groups "
+                         "that do not touch, or take a target with files of its own for each zone (heatertune targets)")
 
 
 def _s5(zones: Sequence[str], parts: Sequence[Mapping[str, str | bytes]], proof: JointProof) -> dict[str, str | bytes]:
