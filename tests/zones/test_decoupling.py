@@ -1,13 +1,19 @@
 """Decoupled zones: what each program adds for its neighbours' temperatures, in the proof, the CPUs and a second simulation."""
 
-import json
+import struct
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from heatertune.cli import main
+from heatertune.codec import DATA, to_json
 from heatertune.errors import InputError
+from heatertune.live.joint.virtual_zones import virtual_zones
+from heatertune.live.joint.zones_watch import ProvenZones
+from heatertune.live.joint.zones_write import ZonesWriteRequest, plan_zones
+from heatertune.live.client.connection import address_of
+from heatertune.live.serve import Simulation
 from heatertune.plc import controller_for
 from heatertune.plc.cpu.iec.machine import TextProgram
 from heatertune.plc.cpu.iec.st_syntax import units
@@ -24,7 +30,9 @@ from heatertune.zones.joint_loop import ZoneEvent, ZoneLoop, run_zones
 from heatertune.zones.joint_proof import specification_for
 from heatertune.zones.joint_tuning import JointTuner, closed_loop_radius
 from heatertune.zones.zone_export import export_zones
-from tests.zones.networks import chain
+from heatertune.zones.zone_record import zone_record
+from heatertune.zones.zones_folder import prove_again, read_zones_design, to_document
+from tests.zones.networks import chain, radius
 
 SETPOINTS = (27.0, 30.0, 55.0)  # from 22 °C: the last zone is saturated, the others are not
 
@@ -166,3 +174,85 @@ def test_the_robustness_of_decoupled_zones_is_that_of_a_simulated_linear_loop():
     decay = (errors[-1] / errors[-101]) ** 0.01
     assert decay == pytest.approx(design.radius, abs=2e-4)
     assert closed_loop_radius(network, design.designs, 0.3) != pytest.approx(design.radius, abs=1e-3)  # without decoupling
+
+
+@pytest.fixture(scope="module")
+def designed():
+    """Return a PASS of two decoupled zones."""
+    fitted = network_by_hand(chain(2, 2.0))
+    return design_zones(fitted, "fb41", specification=replace(
+        specification_for(fitted, (50.0, 55.0), Conditions()), decouple=True))
+
+
+def stored(folder, proof):
+    (folder / DATA).mkdir(parents=True)
+    (folder / DATA / "zones.json").write_text(to_json(to_document(proof, [])), encoding="utf-8")
+    return folder
+
+
+def test_a_design_of_decoupled_zones_moves_its_neighbours_less_and_says_by_how_much(designed):
+    assert designed.verdict == "PASS", designed.summary()
+    plain = design_zones(designed.fitted, "fb41", (50.0, 55.0))
+    assert designed.neighbour_deviation_degC < 0.6 * plain.neighbour_deviation_degC
+    line = designed.brief().splitlines()[-1]
+    assert f"by up to {designed.neighbour_deviation_degC:.3g} °C, without decoupling by {plain.neighbour_deviation_degC:.3g} °C" in line
+    assert "a sensor that breaks" in plain.not_tested
+    assert "a sensor that breaks" not in designed.not_tested
+    decoupling, network = designed.design.decoupling, designed.fitted.network
+    assert decoupling.matrix == pytest.approx(-decoupling.share * network.exchange / 1.2)
+    size = radius(network, designed.design.designs, designed.words[0].sample_time_s,
+                  controller_for("fb41").delayed_s(designed.words[0].scaling), decoupling.matrix)
+    assert size < 1.0
+
+
+def test_the_folder_of_decoupled_zones_is_proven_again_simulated_and_recorded(designed, tmp_path):
+    design = read_zones_design(stored(tmp_path / "oven", designed))
+    assert design.decoupling == designed.design.decoupling
+    assert prove_again(design).neighbour_deviation_degC == designed.neighbour_deviation_degC
+    page = zone_record(designed, to_document(designed, []), ["fb41_zones.awl"])
+    assert "Power for the neighbours" in page
+    served = virtual_zones(tmp_path / "oven", Simulation(serve=("s7",), rate=1.0, step=True), noise_degC=0.0)
+    try:
+        loop = ZoneLoop(words=designed.words, actuator=designed.actuator, decoupling=design.decoupling)
+        events = [event for zone, degC in enumerate((50.0, 55.0)) for event in (
+            ZoneEvent(0.0, "setpoint", zone, degC), ZoneEvent(0.0, "on", zone))]
+        trace = run_zones(loop, designed.fitted.network, events, 60 * loop.sample_time_s)
+        for scan in range(60):
+            served.release(1)
+            cells = [part.memory.image() for part in served.plc.parts]
+            lmn, disv = ([struct.unpack_from(">f", each, at)[0] for each in cells] for at in (72, 68))
+            assert lmn == pytest.approx(trace.powers_pct[scan], abs=1e-6), scan
+            away = [50.0 - trace.temperatures_degC[scan, 0], 55.0 - trace.temperatures_degC[scan, 1]]
+            assert disv == pytest.approx([-design.decoupling.matrix[0, 1] * away[1], -design.decoupling.matrix[1, 0] * away[0]], abs=0.02)
+    finally:
+        served.close()
+
+
+def test_what_cannot_carry_decoupling_says_so(designed, tmp_path, capsys):
+    folder = stored(tmp_path / "oven", designed)
+    request = ZonesWriteRequest(proven=ProvenZones(design=read_zones_design(folder), proof=designed),
+                                address=address_of("s7://127.0.0.1:1/0/2/db41"))
+    with pytest.raises(InputError, match="load the exported program, or design without --decouple"):
+        plan_zones(request, [])
+    with pytest.raises(InputError, match="sensor-off.*not for decoupled zones"):
+        virtual_zones(folder, Simulation(serve=("s7",), faults=("zone=a t=3 sensor-off",)))
+    text = proof_of("iec-pid")
+    with pytest.raises(InputError, match="design with --target fb41, or without --decouple"):
+        virtual_zones(stored(tmp_path / "text", text))
+    for target, reason in (("s5-ob251", "its Z takes whole numbers"), ("s7-300", "no input"), ("klipper", "no input")):
+        assert main(["design", str(tmp_path / "no.csv"), "--zones", "a,b", "--target", target, "--setpoint", "50", "--decouple"]) == 2
+        told = capsys.readouterr().err
+        assert reason in told
+        assert "take --target fb41 or iec-pid" in told
+    assert main(["design", "table4", "--target", "fb41", "--decouple"]) == 2
+    assert "--decouple: for zones designed together" in capsys.readouterr().err
+
+
+def test_zones_that_exchange_no_heat_are_not_decoupled():
+    fitted = network_by_hand(chain(2, 0.0))
+    spec = replace(specification_for(fitted, 50.0, Conditions()), decouple=True)
+    proof = design_zones(fitted, "fb41", specification=spec)
+    assert proof.design.decoupling is None
+    assert proof.remarks == ("not decoupled: the log shows no exchange of heat between zones",)
+    assert "DISV :=" in str(export_zones(proof, force=True)["fb41_zones.awl"])
+    assert "power for the neighbours" not in str(export_zones(proof, force=True)["fb41_zones.awl"])
