@@ -9,18 +9,18 @@ import pytest
 from heatertune.cli import main
 from heatertune.codec import DATA, to_json
 from heatertune.errors import InputError
+from heatertune.live.client.connection import address_of
 from heatertune.live.joint.virtual_zones import virtual_zones
 from heatertune.live.joint.zones_watch import ProvenZones
 from heatertune.live.joint.zones_write import ZonesWriteRequest, plan_zones
-from heatertune.live.client.connection import address_of
 from heatertune.live.serve import Simulation
 from heatertune.plc import controller_for
 from heatertune.plc.cpu.iec.machine import TextProgram
 from heatertune.plc.cpu.iec.st_syntax import units
 from heatertune.plc.cpu.s7_300.machine import S7300Cpu
+from heatertune.plc.cpu.s7_300.source import as_real, bits_of, signed_number
 from heatertune.plc.fb41.step import ContCAssumptions, ContCState, scan
 from heatertune.plc.fb41.words import FIELDS, parameters_of
-from heatertune.plc.cpu.s7_300.source import as_real, bits_of, signed_number
 from heatertune.plc.ramp import Ramp
 from heatertune.plc.single_precision import single
 from heatertune.settings import Conditions
@@ -79,8 +79,15 @@ class Step7:
             self.cpu.memory["P"][256 + 2 * zone : 258 + 2 * zone] = int(reading).to_bytes(2, "big")
         self.cpu.run("OB 35")
 
+    def heats(self, zone):
+        return bool(self.cpu.get(self.cpu.member(f"DB {101 + 10 * zone}", "HEAT")))
+
     def power(self, zone):
         return as_real(int.from_bytes(self.cpu.memory[f"DB {41 + 10 * zone}"][72:76], "big"))
+
+
+def is_on(trace, zone, instant):
+    return any(begin <= instant + 1e-6 < end - 1e-6 for each, begin, end in trace.pulses if each == zone)
 
 
 def with_breaks(proof, duration_s, after=6, length=3):
@@ -91,10 +98,12 @@ def with_breaks(proof, duration_s, after=6, length=3):
     return trace, range(after, after + length)
 
 
-@pytest.mark.parametrize("ramp", [None, Ramp(step=60, calls=2)])
+@pytest.mark.parametrize(("ramp", "staggered"), [(None, False), (Ramp(step=60, calls=2), False), (None, True)])
 @pytest.mark.long
-def test_the_program_of_cont_c_makes_the_run_of_the_proof_call_by_call(ramp):
-    proof = proof_of("fb41", ramp=ramp)
+def test_the_program_of_cont_c_makes_the_run_of_the_proof_call_by_call(ramp, staggered):
+    """Each zone's power is that of the proof to the bit, and its heater is on when it is on there, tick by tick."""
+    proof = proof_of("fb41", ramp=ramp, staggered=staggered)
+    assert any(proof.offsets_s) == staggered
     trace, broken = with_breaks(proof, 60.0)
     program, per_call = Step7(proof), round(proof.words[0].sample_time_s / proof.actuator.resolution_s)
     added = False
@@ -107,8 +116,13 @@ def test_the_program_of_cont_c_makes_the_run_of_the_proof_call_by_call(ramp):
             if not (zone == 1 and k in broken):
                 assert program.power(zone) == pytest.approx(trace.powers_pct[k, zone], abs=0.0), (k, zone)
         added |= 0.0 < trace.powers_pct[k, 0] < 100.0
-        for _ in range(per_call - 1):
-            program.tick(readings)
+        for tick in range(per_call):
+            if tick:
+                program.tick(readings)
+            now = (k * per_call + tick) * proof.actuator.resolution_s
+            for zone in range(3):
+                if zone != 1 or (k < broken.start and not staggered) or (staggered and k not in broken):
+                    assert program.heats(zone) == is_on(trace, zone, now), (k, tick, zone)
     assert added
     assert ramp or trace.powers_pct[0, 2] == 100.0
 
@@ -234,7 +248,7 @@ def test_what_cannot_carry_decoupling_says_so(designed, tmp_path, capsys):
                                 address=address_of("s7://127.0.0.1:1/0/2/db41"))
     with pytest.raises(InputError, match="load the exported program, or design without --decouple"):
         plan_zones(request, [])
-    with pytest.raises(InputError, match="sensor-off.*not for decoupled zones"):
+    with pytest.raises(InputError, match=r"sensor-off.*not for decoupled zones"):
         virtual_zones(folder, Simulation(serve=("s7",), faults=("zone=a t=3 sensor-off",)))
     text = proof_of("iec-pid")
     with pytest.raises(InputError, match="design with --target fb41, or without --decouple"):

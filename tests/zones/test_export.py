@@ -140,10 +140,10 @@ def test_blocks_inputs_and_outputs_of_no_zone_are_those_of_another(proofs):
 
 
 def test_staggered_periods_are_refused_where_the_programs_have_no_common_clock():
-    for target in ("fb41", "s7-200", "klipper"):
-        with pytest.raises(InputError, match=f"{target} have no common clock.* take --target s7-300 or s5-ob251 or iec-pid$"):
+    for target in ("pid-compact", "s7-200", "klipper"):
+        with pytest.raises(InputError, match=f"{target} have no common clock.* take --target s7-300 or s5-ob251 or iec-pid or fb41$"):
             demand_program(target, 2, staggered=True)
-    for target in ("s7-300", "s5-ob251", "iec-pid"):
+    for target in ("s7-300", "s5-ob251", "iec-pid", "fb41"):
         demand_program(target, 2, staggered=True)
 
 
@@ -290,7 +290,7 @@ def test_programs_that_share_addresses_say_so():
 
 @pytest.mark.parametrize(("options", "told"), [
     (["--target", "weg", "--rated-power", "2,2", "--peak-power", "3"], "take --target s7-300"),
-    (["--target", "fb41", "--stagger"], "take --target s7-300"),
+    (["--target", "s7-200", "--stagger"], "take --target s7-300"),
     (["--target", "s7-300", "--peak-power", "3"], "--rated-power")])
 def test_what_no_program_can_do_is_refused_before_the_log_is_read(tmp_path, capsys, options, told):
     assert main(["design", str(tmp_path / "none.csv"), "--zones", "a,b", "--setpoint", "50", *options]) == 2

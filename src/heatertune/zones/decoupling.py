@@ -27,7 +27,8 @@ from heatertune.plc.words import Words
 from heatertune.zones.identify import FittedNetwork
 from heatertune.zones.joint_kernel import DecouplingArrays
 
-__all__ = ["WRITTEN", "Decoupling", "decoupling_arrays", "decoupling_for", "demand_input", "neighbours_in"]
+__all__ = ["WRITTEN", "Decoupling", "decoupling_arrays", "decoupling_for", "demand_input",
+           "demand_one_sensor", "neighbours_in"]
 
 #: target whose exported program decouples zones → words of its block that the program then writes at each call
 WRITTEN: Final = {"fb41": ("DISV",), "iec-pid": ("XMIN", "XMAX")}
@@ -70,6 +71,20 @@ def demand_input(target: str) -> None:
                          f"--target {' or '.join(WRITTEN)}")
 
 
+def demand_one_sensor(words: Sequence[Words]) -> None:
+    """Refuse words that cannot be those of decoupled zones.
+
+    Args:
+        words: of each zone.
+
+    Raises:
+        InputError: several sensor ranges, or as `demand_input`.
+    """
+    demand_input(words[0].target)
+    if len({each.scaling for each in words}) > 1:
+        raise InputError("decoupled zones: all of them need the same sensor range")
+
+
 def decoupling_for(fitted: FittedNetwork, setpoints_degC: Sequence[float], share: float) -> Decoupling | None:
     """Return the decoupling of zones by the best fit; None where the log shows no exchange of heat.
 
@@ -97,9 +112,10 @@ def decoupling_arrays(decoupling: Decoupling | None, words: Sequence[Words]) -> 
     """
     if decoupling is None:
         return DecouplingArrays(np.zeros((0, 0)), np.zeros(0))
-    controller, scaling = controller_for(words[0].target), words[0].scaling
+    controller = controller_for(words[0].target)
+    sensor = controller.sensor(words[0].scaling)
     references = [controller.measure(words[0], each) for each in decoupling.references_degC]
-    unit_degC = scaling.span_degC / controller.sensor(scaling).counts if isinstance(references[0], int) else 1.0
+    unit_degC = sensor.span / sensor.counts if isinstance(references[0], int) else 1.0
     factors = [[single(each * unit_degC) for each in row] for row in decoupling.pct_per_degC]
     return DecouplingArrays(np.array(factors), np.array(references, dtype=np.float64))
 

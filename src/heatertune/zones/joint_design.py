@@ -28,7 +28,7 @@ from heatertune.plc.ramp import Ramp
 from heatertune.plc.words import Words
 from heatertune.proof.heaters import RESERVE_PCT
 from heatertune.settings import Conditions
-from heatertune.zones.decoupling import decoupling_for, demand_input
+from heatertune.zones.decoupling import decoupling_for
 from heatertune.zones.identify import FittedNetwork
 from heatertune.zones.joint_loop import residual_error_degC
 from heatertune.zones.joint_proof import (
@@ -80,8 +80,6 @@ def design_zones(
     """
     assumptions = conditions or Conditions()
     spec = specification or specification_for(fitted, setpoints_degC, assumptions)
-    if spec.decouple:
-        demand_input(target)
     is_broken = partial(_never_moves, tolerance_degC=spec.limits.tolerance_degC, stated=assumptions.switches)
     at_interval = partial(JointTuner, fitted, target, scaling=scaling, structure=structure)
     prove = partial(prove_zones, fitted=fitted, specification=replace(spec, spread_degC=None), conditions=assumptions)
@@ -89,14 +87,11 @@ def design_zones(
     if best is None:
         raise InputError(f"no {structure} of {target} keeps Ms {JOINT_MS:g} on all plausible networks: log longer "
                          "steps of each zone's power, which narrows the intervals")
-    started = partial(_start_together, prove=partial(prove, specification=spec))
-    plain = best
+    prove = partial(prove, specification=spec)
     if spec.spread_degC is not None or (best.verdict == "FAIL" and _keeps_all_but(_OF_STARTS, best)):
-        plain = started(best)
-    if not spec.decouple:
-        return plain
-    tuner = at_interval(sample_time_s=plain.words[0].sample_time_s)
-    return _decoupled(plain, tuner, partial(prove, specification=spec))
+        best = _start_together(best, prove)
+    tuner = partial(at_interval, sample_time_s=best.words[0].sample_time_s)
+    return _decoupled(best, tuner(), prove) if spec.decouple else best
 
 
 def _decoupled(plain: JointProof, tuner: JointTuner, prove: Callable[..., JointProof]) -> JointProof:
@@ -107,19 +102,12 @@ def _decoupled(plain: JointProof, tuner: JointTuner, prove: Callable[..., JointP
         tuner: at its interval.
         prove: proves a design.
     """
-    whole = decoupling_for(plain.fitted, plain.specification.setpoints_degC, 1.0)
-    if whole is None:
+    if decoupling_for(plain.fitted, plain.specification.setpoints_degC, 1.0) is None:
         return replace(plain, remarks=("not decoupled: the log shows no exchange of heat between zones",))
-    before_degC = plain.neighbour_deviation_degC
-    proofs = [prove(design.with_ramp(plain.words[0].ramp), up_to_failure=True)
-              for design in islice(_decoupled_designs(plain, tuner), _CANDIDATES)]
-    kept = [proof for proof in proofs if proof.verdict != "FAIL"]
-    least_degC = min((proof.neighbour_deviation_degC for proof in kept), default=0.0)
-    fast = [proof for proof in kept if proof.neighbour_deviation_degC <= _ALMOST * least_degC]
-    best = min(fast[:1] or proofs, key=_worst_share, default=None)
+    before_degC, best = plain.neighbour_deviation_degC, _best_decoupled(plain, tuner, prove)
     if best is None:
         reason = "no share of the static gains is robust on all plausible networks"
-    elif not kept:
+    elif best.verdict == "FAIL":
         broken = max(best.criteria, key=lambda criterion: criterion.share)
         reason = f"with it, {broken.name} would be {broken.value:.3g}, limit {broken.limit:.3g} ({broken.where})"
     elif plain.verdict == "FAIL" or best.neighbour_deviation_degC < before_degC:
@@ -128,6 +116,23 @@ def _decoupled(plain: JointProof, tuner: JointTuner, prove: Callable[..., JointP
         reason = (f"with it, the neighbours would deviate by {best.neighbour_deviation_degC:.3g} °C, without by "
                   f"{before_degC:.3g} °C")
     return replace(plain, remarks=(f"not decoupled: {reason}",))
+
+
+def _best_decoupled(plain: JointProof, tuner: JointTuner, prove: Callable[..., JointProof]) -> JointProof | None:
+    """Return the proof of decoupled zones that comes nearest; None where none is robust. Arguments as `_decoupled`.
+
+    Of those that pass, that of the fastest controllers whose neighbours deviate little more than those of the best.
+    """
+    proofs = [prove(design.with_ramp(plain.words[0].ramp), up_to_failure=True)
+              for design in islice(_decoupled_designs(plain, tuner), _CANDIDATES)]
+    kept = [proof for proof in proofs if proof.verdict != "FAIL"]
+    if kept:
+        most_degC = _ALMOST * min(proof.neighbour_deviation_degC for proof in kept)
+        return next(proof for proof in kept if proof.neighbour_deviation_degC <= most_degC)
+    nearest = min(proofs, key=_worst_share, default=None)
+    if nearest is not None and _keeps_all_but(_OF_STARTS, nearest):
+        return _start_together(nearest, prove)
+    return nearest
 
 
 def _decoupled_designs(plain: JointProof, tuner: JointTuner) -> Iterator[JointDesign]:

@@ -29,7 +29,7 @@ from heatertune.proof.loop import LoopController, actuator_of, in_loop
 from heatertune.proof.prove_words import actuator_for
 from heatertune.proof.ripple_and_wear import ripple_degC
 from heatertune.settings import Conditions
-from heatertune.zones.decoupling import Decoupling, decoupling_arrays, demand_input
+from heatertune.zones.decoupling import Decoupling, decoupling_arrays, demand_one_sensor
 from heatertune.zones.joint_kernel import (
     KINDS,
     JointArrays,
@@ -108,9 +108,7 @@ class ZoneLoop:
         if any(words.boost is not None for words in self.words):
             raise InputError("zones are proven without boost: leave it out")
         if self.decoupling is not None:
-            demand_input(self.words[0].target)
-            if len({words.scaling for words in self.words}) > 1:
-                raise InputError("decoupled zones: all of them need the same sensor range")
+            demand_one_sensor(self.words)
         if not self.offsets_s:
             object.__setattr__(self, "offsets_s", (0.0,) * len(self.words))
 

@@ -67,6 +67,7 @@ _DECAY: Final = 200.0  # the loop has settled where its slowest motion is so man
 _BEYOND: Final = 1.1  # times the logged rise that a setpoint may be above the ambient
 _IDLE_PCT: Final = 1.0  # power that a zone needs at least to hold its setpoint
 _BREAKS: Final = "a sensor that breaks"  # run where zones are decoupled; every program puts such a zone off
+_READS_WRONG: Final = "a sensor that reads wrong (its neighbours follow it)"
 _NOT_TESTED: Final = ("mains that change while the zones run", "a setpoint profile")
 #: criteria of the setpoints alone
 HOLDING_POWERS: Final = ("power to hold the setpoints [%]", "cooling that a zone would need [%]")
@@ -249,8 +250,8 @@ class JointProof:
                f"their setpoints{limit} ({self.spread.where})")
         if self.words[0].ramp is not None:
             rate = controller_for(self.words[0].target).ramp_degC_per_min(self.words[0])
-            yield (f"setpoint ramp of all zones: {rate:.3g} °C/min, contained in the program of each: start all zones "
-                   "at the same time")
+            together = "" if self.specification.spread_degC is None else ": start all zones at the same time"
+            yield f"setpoint ramp of all zones: {rate:.3g} °C/min, contained in the program of each{together}"
 
     def brief(self) -> str:
         """Return the summary without the criteria that are kept."""
@@ -387,7 +388,7 @@ def prove_zones(
         criteria=tuple(worst), runs=tuple(runs), findings=(*fitted.findings, *_beyond_log(fitted, specification)),
         accepted=tuple(assumptions.accept),
         not_tested=(*dict.fromkeys(prover.not_tested), *_limits_not_judged(assumptions),
-                    *(() if design.decoupling else (_BREAKS,)), *_NOT_TESTED),
+                    _READS_WRONG if design.decoupling else _BREAKS, *_NOT_TESTED),
         peak_heaters=peak.most, peak_kw=peak_kw, heating_up_heaters=peak.ever, heaters_bound=peak.bound,
         bound_share=peak.share, spread=spread, trace=traces[0],
         settle_s=prover.settle_s, heat_s=max(prover.heat_s, 2.0 * prover.settle_s),
@@ -670,7 +671,8 @@ class _Prover:
         if phase.kind in ("heat-up", "restart", "start"):
             if phase.started or phase.zone in (-1, zone):
                 yield from over("overshoot [%]", high, (limits.overshoot_pct, limits.overshoot_degC))
-        elif phase.kind.startswith("after") and zone == phase.zone and "stuck" not in phase.kind:
+        elif phase.kind.startswith("after") and "stuck" not in phase.kind and (
+                zone == phase.zone or "broken" in phase.kind):
             most = limits.reheat_overshoot_pct, limits.reheat_overshoot_degC
             yield from over("overshoot after a fault [%]", high, most)
         elif phase.kind.startswith("setpoint") and zone != phase.zone:

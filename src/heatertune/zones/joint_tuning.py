@@ -295,12 +295,13 @@ def closed_loop_radius(
     On a supply that sags, the largest at the powers of `_POWERS_PCT`. The states are the network's modes, the powers on
     their way, and of each controller the sum of the errors, the filtered difference and the last error.
     """
-    return max(_radius(network, designs, delay_s, network.power_slopes(power), decoupling)
+    added = np.zeros((len(designs),) * 2) if decoupling is None else decoupling.matrix
+    return max(_radius(network, designs, delay_s, network.power_slopes(power), added)
                for power in _powers_pct(network))
 
 
 def _radius(
-    network: ThermalNetwork, designs: Sequence[PidDesign], delay_s: float, slopes: Array, decoupling: Decoupling | None
+    network: ThermalNetwork, designs: Sequence[PidDesign], delay_s: float, slopes: Array, added: Array
 ) -> float:
     modes, interval, count = network.modes, designs[0].sample_time_s, len(designs)
     size, dead = len(modes.rates), [divmod(late + delay_s, interval) for late in network.dead_times_s]
@@ -321,8 +322,7 @@ def _radius(
         sums[total] += 1.0
         power += design.gain_pct_per_degC * (error + interval / design.integral_time_s * sums + difference)
         matrix[total], matrix[total + 1], matrix[total + 2], powers[zone] = sums, difference, error, power
-    if decoupling is not None:
-        powers[:, :size] += decoupling.matrix @ modes.outputs
+    powers[:, :size] += added @ modes.outputs
     for zone, (power, (whole, rest)) in enumerate(zip(slopes @ powers, dead, strict=True)):
         begin, own = places[zone], int(whole)
         now = np.expm1(modes.rates * (interval - rest)) / modes.rates * modes.inputs[:, zone]

@@ -36,7 +36,9 @@ _LINE_END: Final = "\r\n"  # of a source of STEP 7
 #: of the interrupt: not those of the CPU
 _OWN_TEMPORARIES: Final = re.compile(r"^  [a-z]+ : (?:D?INT|WORD|BOOL|REAL) ;$", re.MULTILINE)
 #: targets whose program of all zones makes their PWM by one clock
-_ONE_CLOCK: Final = ("s7-300", "s5-ob251", "iec-pid")
+_ONE_CLOCK: Final = ("s7-300", "s5-ob251", "iec-pid", "fb41")
+#: target of STEP 7 → where its PWM counts the ticks of the period
+_CLOCKS: Final = {"s7-300": "DB102.DBD    12", "fb41": "DB102.DBD    18"}
 
 
 def export_zones(proof: JointProof, *, force: bool = False) -> dict[str, str | bytes]:
@@ -218,10 +220,13 @@ def _ticks(proof: JointProof, number: int) -> tuple[int, int]:
 def _s7_delayed(source: str, number: int, proof: JointProof) -> str:
     """Return a source of STEP 7 in which FC 101 leaves the PWM's clock alone, and OB 100 sets it for its zone."""
     late, period = _ticks(proof, number)
-    return _delayed(source, proof, (
-        (r" +T +DB102\.DBD +12;[^\n]*\n", ""),
+    clock = _CLOCKS[proof.words[0].target]
+    zero = (r"(COM_RST := TRUE\);\n      L     0.00000000e\+000;\n)", r"\1      T     DB41.DBD   72;\n")
+    return _delayed(source, proof, (  # the PWM goes on, and takes what is left in LMN
+        *([zero] if proof.words[0].target == "fb41" else []),
+        (rf" +T +{clock};[^\n]*\n", ""),
         (r"(off: +CALL  FC 101;\n)      BEU   ;", r"\1      JU    out;"),
-        (r"(\n      CALL  FC 101;\n)", rf"\1      L     L#{-late % period};\n      T     DB102.DBD    12;\n"),
+        (r"(\n      CALL  FC 101;\n)", rf"\1      L     L#{-late % period};\n      T     {clock};\n"),
         (r"  TICK := L#0 ;", f"  TICK := L#{-late % period} ;")))
 
 

@@ -167,12 +167,7 @@ class ZonesDesign:
 
 def to_document(proof: JointProof, files: Iterable[str] = ()) -> Mapping[str, object]:
     """Return network, words of all zones, their proof and exported files as a JSON document, its digest last."""
-    fitted, network, decoupling = proof.fitted, proof.fitted.network, proof.design.decoupling
-    provenance = ZonesProvenance(
-        structure=proof.design.structure, ms_zones=proof.design.ms_zones, scaling=proof.words[0].scaling,
-        sample_time_s=proof.words[0].sample_time_s, actuator=proof.actuator, network=NetworkRecord.from_fitted(fitted),
-        specification=proof.specification, conditions=recorded_conditions(proof.conditions),
-        ramp=proof.words[0].ramp, decoupled_share=0.0 if decoupling is None else decoupling.share)
+    fitted, network = proof.fitted, proof.fitted.network
     return with_digest({
         "schema": SCHEMA,
         "verdict": proof.verdict,
@@ -189,7 +184,7 @@ def to_document(proof: JointProof, files: Iterable[str] = ()) -> Mapping[str, ob
         "exchange": [list(map(float, row)) for row in network.exchange],
         "shown_couplings": dict(fitted.couplings),
         "ci95": {name: [interval.low, interval.high] for name, interval in fitted.ci95.items()},
-        "decoupling": None if decoupling is None else plain(encode(decoupling)), "remarks": list(proof.remarks),
+        "decoupling": encode(proof.design.decoupling), "remarks": list(proof.remarks),
         "sample_time_s": proof.words[0].sample_time_s,
         "range_degC": list(proof.words[0].scaling.sensor_degC),
         "criteria": [plain({"name": each.name, "value": each.value, "limit": each.limit, "ok": each.ok,
@@ -202,8 +197,17 @@ def to_document(proof: JointProof, files: Iterable[str] = ()) -> Mapping[str, ob
         "bound_share": proof.bound_share,
         "spread_degC": None if proof.spread is None else proof.spread.value,
         "settle_s": proof.settle_s, "heat_s": proof.heat_s,
-        "files": sorted(files), "provenance": encode(provenance),
+        "files": sorted(files), "provenance": encode(_provenance(proof)),
     })
+
+
+def _provenance(proof: JointProof) -> ZonesProvenance:
+    words, decoupling = proof.words[0], proof.design.decoupling
+    return ZonesProvenance(
+        structure=proof.design.structure, ms_zones=proof.design.ms_zones, scaling=words.scaling,
+        sample_time_s=words.sample_time_s, actuator=proof.actuator, network=NetworkRecord.from_fitted(proof.fitted),
+        specification=proof.specification, conditions=recorded_conditions(proof.conditions), ramp=words.ramp,
+        decoupled_share=0.0 if decoupling is None else decoupling.share)
 
 
 def read_zones_design(directory: str | Path) -> ZonesDesign:

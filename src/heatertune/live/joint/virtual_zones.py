@@ -316,9 +316,7 @@ def virtual_zones(
     design = source if isinstance(source, ZonesDesign) else read_zones_design(source)
     options = settings or Simulation()
     blocks = demand_served(design.words)
-    if design.decoupling is not None and WRITTEN[design.words[0].target] != (_DISTURBANCE,):
-        raise InputError(f"decoupled zones of {design.words[0].target}: simulate does not serve what the program adds "
-                         "around the block; design with --target fb41, or without --decouple")
+    _demand_disturbance_word(design)
     options = reaching_settings(blocks[0], design.words[0].target, _of_zones(options, blocks[0]))
     for protocol in options.serve:
         demand_library(protocol)
@@ -330,6 +328,14 @@ def virtual_zones(
     if "modbus" in options.serve:
         plc.speak_modbus(blocks)
     return ZonesServed(design, plc, options, linked=any(map(is_of_link, timetable[0])))
+
+
+def _demand_disturbance_word(design: ZonesDesign) -> None:
+    """Refuse decoupled zones whose program adds power around the block; raise InputError."""
+    target = design.words[0].target
+    if design.decoupling is not None and WRITTEN[target] != (_DISTURBANCE,):
+        raise InputError(f"decoupled zones of {target}: simulate does not serve what the program adds around the "
+                         "block; design with --target fb41, or without --decouple")
 
 
 def _of_zones(settings: Simulation, block: ServedBlock) -> Simulation:
