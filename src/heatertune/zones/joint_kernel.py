@@ -264,7 +264,11 @@ def plain_call(
         controller: parameters and sensor.
         state: its own.
         words: setpoints.
+        _noise: as `decoupled_call`.
+        _memory: likewise.
+        _out: likewise.
         zone: number of the zone.
+        _k: as `decoupled_call`.
         reading: its own.
         begins: whether a PWM period begins.
     """
