@@ -1,5 +1,6 @@
 """Drawn networks of zones: no false PASS by a judge of its own, and the judge finds loops that swing together."""
 
+import re
 import shutil
 from dataclasses import replace
 
@@ -16,7 +17,7 @@ from heatertune.zones.joint_tuning import JointTuner
 from tests.bench.coupled import outcome
 from tests.bench.networks import case, complaint_of, drawn_log
 from tests.bench.zone_judge import judge, simulated
-from tests.zones.networks import chain
+from tests.zones.networks import balance, chain
 from tests.zones.test_joint import separate
 
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler, cc")
@@ -62,6 +63,23 @@ def test_a_weak_sag_is_found_though_a_network_without_it_explains_the_log_to_98_
         share, gain = (fitted.ci95[f"{name} {label}"] for name in ("supply_share", "gain_degC_per_pct"))
         assert share.low <= network.supply_shares[zone] <= share.high
         assert gain.low <= network.gains_degC_per_pct[zone] <= gain.high
+
+
+@pytest.mark.sample
+def test_all_options_that_a_failure_names_are_followed_to_a_pass():
+    """Tolerance, limit, deviation and PWM period of seed 7003 on a weak supply; about a minute."""
+    network, log, random = drawn_log(7003, kind="weak-sag")
+    fitted, scaling = fit_network(log), Scaling(low_degC=0.0, high_degC=200.0)
+    states, inputs, constant = balance(network)
+    setpoints = np.linalg.solve(states, -(inputs @ random.uniform(22.0, 40.0, 2) + constant)).round(1)
+    failed = design_zones(fitted, "s5-ob251", list(setpoints), scaling=scaling)
+    line, = (line for line in failed.summary().splitlines() if line.startswith("to allow them: "))
+    stated = dict(re.findall(r"--(\S+) (\S+)", line))
+    conditions = Conditions(tolerance_degC=float(stated["tolerance"]), limit=(stated["limit"],),
+                            pwm_period_s=float(stated["pwm-period"]))
+    spec = replace(specification_for(fitted, list(setpoints), conditions), deviation_degC=float(stated["neighbour-deviation"]))
+    proof = design_zones(fitted, "s5-ob251", specification=spec, conditions=conditions, scaling=scaling)
+    assert proof.verdict == "PASS", proof.summary()
 
 
 @pytest.mark.long(seconds=25)

@@ -49,7 +49,8 @@ from heatertune.zones.network import ThermalNetwork
 __all__ = [
     "JointCriterion", "JointTrace", "PeakPower", "RunPhase", "StartOrder", "ZoneEvent", "ZoneLoop", "bound_kernel",
     "calm_actuator", "event_arrays", "memory_at_rest", "name_order", "nested_pairs", "network_arrays",
-    "offsets_for", "overshoot_criteria", "ramp_program", "residual_error_degC", "rest_criteria", "run_zones",
+    "offsets_for", "overshoot_criteria", "pwm_option", "ramp_program", "residual_error_degC", "rest_criteria",
+    "run_zones",
     "start_orders", "summarize_orders", "tightest_degC", "zone_spread",
 ]
 
@@ -403,7 +404,7 @@ def calm_actuator(
         InputError, OutOfRange: as `actuator_for`.
     """
     actuator, controller = actuator_for(conditions, words), controller_for(words.target)
-    if {conditions.pwm_period_s, controller.timing(words).pwm_period_s, controller.pwm_period_s} != {None}:
+    if not pwm_option(conditions, words, actuator):
         return actuator
     holding_pct = np.clip(network.holding_pct(setpoints_degC), 0.0, 100.0)
     heaters = [(network.neighbours_held(zone), float(power)) for zone, power in enumerate(holding_pct)]
@@ -416,6 +417,19 @@ def calm_actuator(
         if ripple <= _RIPPLE * tolerance_degC:
             break
     return actuator
+
+
+def pwm_option(conditions: Conditions, words: Words, actuator: Actuator) -> str:
+    """Return the option that states the PWM period of an actuator; "" where it is stated, or the controller's own.
+
+    Args:
+        conditions: of the proof.
+        words: of one of the zones.
+        actuator: of each zone.
+    """
+    controller = controller_for(words.target)
+    periods = {conditions.pwm_period_s, controller.timing(words).pwm_period_s, controller.pwm_period_s}
+    return f" --pwm-period {actuator.pwm_period_s:g}" if periods == {None} else ""
 
 
 def offsets_for(duties_pct: npt.ArrayLike, period_s: float, resolution_s: float) -> tuple[float, ...]:

@@ -41,6 +41,7 @@ from heatertune.zones.joint_loop import (
     name_order,
     offsets_for,
     overshoot_criteria,
+    pwm_option,
     residual_error_degC,
     rest_criteria,
     run_zones,
@@ -217,7 +218,8 @@ class JointProof:
                  f"{', '.join(f'{each:g}' for each in self.specification.setpoints_degC)} °C in {len(self.runs)} runs"]
         broken = sorted((each for each in self.criteria if not each.ok), key=lambda criterion: criterion.cause >= 0)
         lines += [f"not kept: {each.name} {each.value:.4g}, limit {each.limit:.4g} ({each.where})" for each in broken]
-        options, blocking = _allowing(broken), ", ".join(each.name for each in self.blocking)
+        options = _allowing(broken, pwm_option(self.conditions, self.words[0], self.actuator))
+        blocking = ", ".join(each.name for each in self.blocking)
         lines += [f"to allow {'it' if len(broken) == 1 else 'them'}: {options}"
                   f"{blocking and f'; NOT PROVEN until {blocking} is remedied, too'}"] if options else []
         for finding in self.blocking:
@@ -277,18 +279,22 @@ _OPTIONS: Final = {
     "overshoot after a load [%]": ("--limit recovery-overshoot=", "%")}
 
 
-def _allowing(broken: Sequence[JointCriterion]) -> str:
-    """Return the options that allow what all broken criteria measured; "" where one of them has no option."""
+def _allowing(broken: Sequence[JointCriterion], pwm: str) -> str:
+    """Return the options that allow what all broken criteria measured; "" where one of them has no option.
+
+    A PWM period that is not stated follows the tolerance: `pwm` is the option that keeps it.
+    """
     others = [each for each in broken if each.name != SPREAD_NAME]
     if not broken or any(each.name not in _OPTIONS for each in broken):
         return ""
     if others and others != [*broken]:
-        return f"{_allowing(others)}; the spread is then proven again, with setpoint ramps if needed"
+        return f"{_allowing(others, pwm)}; the spread is then proven again, with setpoint ramps if needed"
     most, units = dict[str, float](), dict(_OPTIONS.values())
     for each in broken:
         option, _ = _OPTIONS[each.name]
         most[option] = max(most.get(option, 0.0), math.ceil(10.0 * each.value + 1e-6) / 10.0)
-    return " ".join(f"{option}{value:g}{units[option]}" for option, value in most.items())
+    named = " ".join(f"{option}{value:g}{units[option]}" for option, value in most.items())
+    return f"{named}{pwm if '--tolerance ' in most else ''}"
 
 
 def _limits_not_judged(conditions: Conditions) -> list[str]:
