@@ -7,7 +7,7 @@ from the recorded network and proven again under the recorded conditions.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -127,6 +127,7 @@ class ZonesDesign:
         fitted: the heaters.
         provenance: what the design was made of.
         settle_s: time after which all zones are at rest [s].
+        remarks: of the design on its own choices, lines of the summary.
     """
 
     directory: str
@@ -137,6 +138,7 @@ class ZonesDesign:
     fitted: FittedNetwork
     provenance: ZonesProvenance
     settle_s: float
+    remarks: tuple[str, ...] = ()
 
     @property
     def zones(self) -> tuple[str, ...]:
@@ -229,7 +231,8 @@ def read_zones_design(directory: str | Path) -> ZonesDesign:
         return ZonesDesign(
             directory=str(directory), verdict=str(document["verdict"]),
             digest=str(document["digest"]).partition(":")[2], words=words, offsets_s=offsets,
-            fitted=provenance.network.to_fitted(zones), provenance=provenance, settle_s=float(document["settle_s"]))
+            fitted=provenance.network.to_fitted(zones), provenance=provenance, settle_s=float(document["settle_s"]),
+            remarks=tuple(map(str, document.get("remarks", ()))))
     except (KeyError, TypeError, ValueError, InputError) as problem:
         raise DocumentError(f"{path}: {problem}: no whole design of zones; design them again") from None
 
@@ -274,4 +277,4 @@ def prove_again(design: ZonesDesign) -> JointProof:
     if proof.offsets_s != design.offsets_s or proof.actuator != origin.actuator:
         raise ExportRefused(f"{path}: the proof has another PWM than the file, so it was changed; design the zones "
                             "again")
-    return proof
+    return replace(proof, remarks=design.remarks)
