@@ -7,8 +7,8 @@ zone j is warmer takes back what zone j gives. So the program adds to the contro
 
 in REALs, y_j and r_j in units of the reading, y_j of the same scan as the zone's own reading, whatever the order of
 the calls. At rest nothing is added. It is the neighbours' temperature that is fed, not their output: an output says
-nothing of a heater that is open, stuck, off or in manual, and static gains of outputs act before the heat has arrived
-(three zones with c = 4 swing for ever by it). A neighbour whose sensor is broken adds nothing.
+nothing of a heater that is open, stuck, off or in manual, and static gains of outputs act before the heat has arrived.
+A neighbour whose sensor is broken adds nothing.
 """
 
 from __future__ import annotations
