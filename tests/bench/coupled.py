@@ -1,6 +1,6 @@
 """Three heaters in a row that exchange heat, designed one by one and together, for each coupling c.
 
-    python -m tests.bench.coupled [TARGET [C…]]
+    python -m tests.bench.coupled [TARGET [C…] [decoupled]]
 
 T1·dT_i/dt = ambient + k·u_i(t − L) − T_i + c·Σ (T_j − T_i) over neighbours, by Euler's method in steps of a second; logged
 every 4 s with noise. Designed one by one, each zone's log has its neighbours at rest. Designed together, all powers step in
@@ -10,6 +10,7 @@ turn. Each joint PASS is judged by the largest eigenvalue of a linear model and 
 import sys
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,7 +18,9 @@ import numpy as np
 
 import heatertune as ht
 from heatertune.plc import controller_for
+from heatertune.settings import Conditions
 from heatertune.zones import design_zones, fit_network, read_zones
+from heatertune.zones.joint_proof import specification_for
 from tests.bench.zone_judge import judge, live, settling
 from tests.zones.networks import chain, radius
 
@@ -83,17 +86,20 @@ def verdict_alone(c, zone, target, folder, count=3):
     return ht.prove(ht.encode(ht.tune(model, target=target), target=target), model, setpoint_degC=SETPOINT_DEGC).verdict
 
 
-def outcome(c, target, *, alone=True, count=3):
+def outcome(c, target, *, alone=True, count=3, decouple=False):
     """Return what becomes of a coupling."""
     with tempfile.TemporaryDirectory() as folder:
         verdicts = tuple(verdict_alone(c, zone, target, folder, count) for zone in (0, 1)) if alone else ()
         begun = time.process_time()
         log = read_zones(joint_log(c, folder, count), "abcdefgh"[:count])
-        proof = design_zones(fit_network(log), target, SETPOINT_DEGC)
+        fitted = fit_network(log)
+        spec = replace(specification_for(fitted, SETPOINT_DEGC, Conditions()), decouple=decouple)
+        proof = design_zones(fitted, target, specification=spec)
         seconds = time.process_time() - begun
     truth = chain(count, c, gain=GAIN, lag=LAG_S, dead=DEAD_S, ambient=AMBIENT_DEGC)
     words = proof.words[0]
-    size = radius(truth, proof.design.designs, words.sample_time_s, controller_for(target).delayed_s(words.scaling))
+    added = 0.0 if proof.design.decoupling is None else np.array(proof.design.decoupling.pct_per_degC)
+    size = radius(truth, proof.design.designs, words.sample_time_s, controller_for(target).delayed_s(words.scaling), added)
     lasts_s = settling(truth, proof, size)
     phases, temperatures, highest, asked = live(truth, proof, settle_s=lasts_s, noise_degC=0.0, seed=0, settings=None)
     off = [np.abs(np.delete(each[phase.first:phase.end] - asked[phase.first:phase.end], phase.zone, axis=1)).max()
@@ -104,8 +110,9 @@ def outcome(c, target, *, alone=True, count=3):
 
 def run(target="s7-300", *couplings):
     """Print a line for each coupling."""
-    for c in map(float, couplings or range(9)):
-        found = outcome(c, target)
+    decouple = "decoupled" in couplings
+    for c in map(float, [each for each in couplings if each != "decoupled"] or range(9)):
+        found = outcome(c, target, alone=not decouple, decouple=decouple)
         print(f"{target} c = {c:g}: alone {', '.join(found.alone)}; together {found.verdict}, largest eigenvalue "
               f"{found.eigenvalue:.4f}, neighbours {found.deviation:.2f} °C off, {found.complaint or 'nothing broken'}, "
               f"{found.seconds:.1f} s", flush=True)

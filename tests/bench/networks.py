@@ -1,12 +1,14 @@
 """Drawn thermal networks, designed as zones and judged by a simulation that shares nothing with heatertune.
 
-    python -m tests.bench.networks [COUNT] [SEED] [sag | weak-sag | ignored-sag | together]
+    python -m tests.bench.networks [COUNT] [SEED] [sag | weak-sag | ignored-sag | together | decoupled]
 
 Each network is logged with noise, fitted, tuned and proven. What passes runs on the true network with its words, PWM,
 loads and noisy readings, see `zone_judge`, under the first and under drawn settings of the open points. A PASS that the
 judge breaks is false. With sag, two or three heaters take power from each other on one supply: 10 to 35 %, or up to 15 %
 (weak-sag). With ignored-sag, the true network is designed as if its supply did not sag: the judge has to break some PASS.
-With together, the spread of the zones while they heat up is limited to 3 to 15 °C, and the judge measures it.
+With together, the spread of the zones while they heat up is limited to 3 to 15 °C, and the judge measures it. With
+decoupled, the programs of FB 41 and of structured text add power for the neighbours' temperatures; the last column is
+the share of the static gains, and the largest neighbour deviation on the true network with and without it.
 """
 
 import sys
@@ -23,10 +25,11 @@ from heatertune.zones import design_zones, fit_network, network_by_hand
 from heatertune.zones.identify import ZoneLog
 from heatertune.zones.joint_proof import specification_for
 from tests.bench.second_opinion import SWITCHES
-from tests.bench.zone_judge import judge, settling
+from tests.bench.zone_judge import judge, live, settling
 from tests.zones.networks import balance, drawn, logged, radius, steps
 
 TARGETS = ("s7-300", "s5-ob251")
+DECOUPLED = ("fb41", "iec-pid")
 
 
 class Case(NamedTuple):
@@ -81,16 +84,34 @@ def case(seed, most_zones=8, *, kind=""):
     setpoints = np.linalg.solve(states, -(inputs @ held_pct + constant)).round(1)
     spec = specification_for(fitted, list(setpoints), Conditions())
     spec = replace(spec, spread_degC=round(random.uniform(3.0, 15.0), 1)) if kind == "together" else spec
-    proof = design_zones(fitted, TARGETS[seed % 2], specification=spec, scaling=Scaling(low_degC=0.0, high_degC=400.0 if kind == "ignored-sag" else 200.0))
+    spec = replace(spec, decouple=kind == "decoupled")
+    proof = design_zones(fitted, (DECOUPLED if spec.decouple else TARGETS)[seed % 2], specification=spec, scaling=Scaling(low_degC=0.0, high_degC=400.0 if kind == "ignored-sag" else 200.0))
     complaint = complaint_of(network, proof, random) if proof.verdict == "PASS" else ""
-    return Case(proof.verdict, complaint, inside, len(intervals), time.process_time() - begun, proof.summary(),
-                f"{proof.words[0].ramp or ''}")
+    more = f"{proof.words[0].ramp or ''} {gain_of(network, proof) if spec.decouple else ''}".strip()
+    return Case(proof.verdict, complaint, inside, len(intervals), time.process_time() - begun, proof.summary(), more)
+
+
+def gain_of(network, proof):
+    """Return the share of decoupling, and the neighbour deviation on the true network with and without it, a text."""
+    if proof.design.decoupling is None:
+        return proof.remarks[0]
+    off = [neighbour_deviation(network, each) for each in (proof, replace(proof, design=replace(proof.design, decoupling=None)))]
+    return f"share {proof.design.decoupling.share:g}: {off[0]:.2f} °C, the same words without {off[1]:.2f} °C"
+
+
+def neighbour_deviation(network, proof):
+    """Return how far a zone is at most from its setpoint while another one's changes, by the judge [°C]."""
+    lasts_s = settling(network, proof, proof.design.radius)
+    phases, temperatures, highest, asked = live(network, proof, settle_s=lasts_s, noise_degC=0.0, seed=0, settings=None)
+    return max((np.abs(np.delete(each[phase.first:phase.end] - asked[phase.first:phase.end], phase.zone, axis=1)).max()
+                for phase in phases if phase.kind.startswith("setpoint") for each in (temperatures, highest)), default=0.0)
 
 
 def complaint_of(network, proof, random):
     """Return what a true network breaks under the words of a proof; "" where it breaks nothing."""
     words, designs = proof.words[0], proof.design.designs
-    size = radius(network, designs, words.sample_time_s, controller_for(words.target).delayed_s(words.scaling))
+    added = 0.0 if proof.design.decoupling is None else np.array(proof.design.decoupling.pct_per_degC)
+    size = radius(network, designs, words.sample_time_s, controller_for(words.target).delayed_s(words.scaling), added)
     if size >= 1.0:
         return f"unstable, largest eigenvalue {size:.4f}"
     lasts_s = settling(network, proof, size)

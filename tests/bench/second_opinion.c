@@ -48,6 +48,7 @@ typedef struct {
     int64_t lates;
     double longer;                         /* the time beyond each rest, of the story's duration */
     int64_t before;                        /* calls of ten at a start-up, of which the tenth is missed */
+    double added;                          /* to the output of FB41, its DISV [%] */
 } Case;
 
 typedef struct {                           /* of one phase, all temperatures from the setpoint [degC, s] */
@@ -357,15 +358,18 @@ static double fb41(const Case *c, Memory *m, float w, float x)
         f_rest = m->f[4] - f;
         f_rest = f_rest + change;
     }
-    float sum = e + i;
+    float sum = e + i, added = (float)c->added, top = high - added, bottom = 0.0f - added;
     sum = sum + d;
+    sum = sum + added;
     if (c->words[7] != 0.0 && !only_held) {
         float without = sum - m->f[3];
-        if (i > high && sum > high && without > high) {
-            float own = i - high, over = sum - high;
+        if (i > top && sum > high && without > high) {
+            float own = i - top, over = sum - high;
             i = i - (own < over ? own : over);
-        } else if (i < 0.0f && sum < 0.0f && without < 0.0f)
-            i = i - (i > sum ? i : sum);
+        } else if (i < bottom && sum < 0.0f && without < 0.0f) {
+            float own = i - bottom;
+            i = i - (own > sum ? own : sum);
+        }
     }
     m->side = sum >= high ? 1 : sum <= 0.0f ? -1 : 0;
     m->f[0] = e; m->f[1] = i; m->f[2] = i_rest; m->f[3] = d; m->f[4] = f; m->f[5] = f_rest;

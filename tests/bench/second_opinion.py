@@ -350,7 +350,7 @@ class _Case(ctypes.Structure):
         ("asked", ctypes.c_void_p), ("from", ctypes.c_void_p), ("power", ctypes.c_void_p), ("supplied", ctypes.c_void_p),
         ("band", ctypes.c_double), ("noise", ctypes.c_void_p), ("noises", ctypes.c_int64), ("sigma", ctypes.c_double),
         ("late", ctypes.c_void_p), ("lates", ctypes.c_int64), ("longer", ctypes.c_double),
-        ("before", ctypes.c_int64),
+        ("before", ctypes.c_int64), ("added", ctypes.c_double),
     )
 
 

@@ -1,5 +1,6 @@
 """Drawn networks of zones: no false PASS by a judge of its own, and the judge finds loops that swing together."""
 
+import re
 import shutil
 from dataclasses import replace
 
@@ -9,11 +10,14 @@ import pytest
 from heatertune.plc import Scaling
 from heatertune.settings import Conditions
 from heatertune.zones import design_zones, fit_network, network_by_hand, prove_zones
+from heatertune.zones.decoupling import decoupling_for
+from heatertune.zones.joint_loop import ZoneEvent, ZoneLoop, run_zones
 from heatertune.zones.joint_proof import specification_for
+from heatertune.zones.joint_tuning import JointTuner
 from tests.bench.coupled import outcome
 from tests.bench.networks import case, complaint_of, drawn_log
-from tests.bench.zone_judge import judge
-from tests.zones.networks import chain
+from tests.bench.zone_judge import judge, simulated
+from tests.zones.networks import balance, chain
 from tests.zones.test_joint import separate
 
 pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler, cc")
@@ -61,6 +65,23 @@ def test_a_weak_sag_is_found_though_a_network_without_it_explains_the_log_to_98_
         assert gain.low <= network.gains_degC_per_pct[zone] <= gain.high
 
 
+@pytest.mark.sample
+def test_all_options_that_a_failure_names_are_followed_to_a_pass():
+    """Tolerance, limit, deviation and PWM period of seed 7003 on a weak supply; about a minute."""
+    network, log, random = drawn_log(7003, kind="weak-sag")
+    fitted, scaling = fit_network(log), Scaling(low_degC=0.0, high_degC=200.0)
+    states, inputs, constant = balance(network)
+    setpoints = np.linalg.solve(states, -(inputs @ random.uniform(22.0, 40.0, 2) + constant)).round(1)
+    failed = design_zones(fitted, "s5-ob251", list(setpoints), scaling=scaling)
+    line, = (line for line in failed.summary().splitlines() if line.startswith("to allow them: "))
+    stated = dict(re.findall(r"--(\S+) (\S+)", line))
+    conditions = Conditions(tolerance_degC=float(stated["tolerance"]), limit=(stated["limit"],),
+                            pwm_period_s=float(stated["pwm-period"]))
+    spec = replace(specification_for(fitted, list(setpoints), conditions), deviation_degC=float(stated["neighbour-deviation"]))
+    proof = design_zones(fitted, "s5-ob251", specification=spec, conditions=conditions, scaling=scaling)
+    assert proof.verdict == "PASS", proof.summary()
+
+
 @pytest.mark.long(seconds=25)
 def test_the_setpoint_change_of_every_zone_counts_under_every_setting_of_an_open_point():
     # the judge found 2.26 °C in a neighbour, limit 2, where whole increments leave zones beside their setpoints
@@ -91,3 +112,49 @@ def test_coupled_zones_pass_together_and_not_one_by_one(target, c):
     assert (found.alone == ("PASS", "PASS")) == (c == 0.0)
     if c == 4.0:
         assert found.deviation <= 1.32
+
+
+def decoupled(target, share, exchange=4.0):
+    """Return the proof, up to its first failure, of three zones with a share of the static gains."""
+    fitted, setpoints = network_by_hand(chain(3, exchange)), (55.0, 56.0, 57.0)
+    design = JointTuner(fitted, target).design_for((1.4,) * 3, decoupling_for(fitted, setpoints, share))
+    design = replace(design, radius=min(design.radius, 0.99))  # what is unstable never settles
+    return prove_zones(design, fitted, specification_for(fitted, setpoints, Conditions()), up_to_failure=True)
+
+
+@pytest.mark.parametrize("target", ["fb41", "iec-pid"])
+def test_the_judge_and_the_kernel_give_decoupled_zones_the_same_power(target):
+    """The judge's network moves in steps of a quarter second: readings differ by a count or two at times."""
+    proof, scans, change = decoupled(target, 0.8), 500, 350
+    interval, setpoints = proof.words[0].sample_time_s, proof.specification.setpoints_degC
+    events = [event for zone, degC in enumerate(setpoints) for event in (
+        ZoneEvent(0.0, "setpoint", zone, degC), ZoneEvent(0.0, "on", zone))]
+    loop = ZoneLoop(words=proof.words, actuator=proof.actuator, decoupling=proof.design.decoupling)
+    trace = run_zones(loop, proof.fitted.network, [*events, ZoneEvent(change * interval, "setpoint", 1, 61.0)], (scans - 1) * interval)
+    asked = np.tile(setpoints, (scans, 1))
+    asked[change:, 1] = 61.0
+    temperatures, _, powers, _ = simulated(proof.fitted.network, proof, asked, np.zeros((scans, 3)))
+    assert np.abs(powers - trace.powers_pct).max() < 0.5
+    assert np.abs(temperatures - trace.temperatures_degC).max() < 0.06
+    without, _, other, _ = simulated(
+        proof.fitted.network, replace(proof, design=replace(proof.design, decoupling=None)), asked, np.zeros((scans, 3)))
+    assert np.abs(other - powers)[change:].max() > 3.0
+    far, near = (np.abs(each[change:, [0, 2]] - asked[change:, [0, 2]]).max() for each in (without, temperatures))
+    assert near < 0.6 * far
+
+
+@pytest.mark.parametrize("target", ["fb41", "iec-pid"])
+def test_the_judge_breaks_zones_that_are_decoupled_the_wrong_way(target):
+    proof = decoupled(target, -1.0, exchange=8.0)
+    assert proof.verdict == "FAIL"
+    assert "unstable" in complaint_of(proof.fitted.network, proof, np.random.default_rng(0))
+    assert "off" in judge(proof.fitted.network, proof, settle_s=2000.0)
+
+
+@pytest.mark.sample
+@pytest.mark.parametrize("seed", [9002, 9003])
+def test_no_pass_of_a_drawn_network_whose_zones_are_decoupled_is_false(seed):
+    found = case(seed, most_zones=4, kind="decoupled")
+    assert not found.complaint, found.summary
+    assert found.verdict == "PASS", found.summary
+    assert found.ramp.startswith("share")

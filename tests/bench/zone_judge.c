@@ -15,6 +15,8 @@ typedef struct {
     const double *shares;                  /* that all others lose while a heater is on; dead times are equal where any do */
     const int64_t *begins;                 /* scan at which each zone's controller is started */
     const double *offsets;                 /* begin of each zone's first PWM period [s] */
+    const double *factors, *references;    /* power that zone i adds for the reading of zone j beyond a reference, n x n
+                                              [% per unit], n [units]; NULL: none adds any */
     double *pulses;                        /* zone, begin and end of each pulse at the switch, rows of 3 [s]; with places for */
     int64_t places;                        /* so many; how many there are comes back here */
 } Network;
@@ -93,22 +95,47 @@ static void powers_within(Zone *zones, int n, const double *shares, double from,
     }
 }
 
+/* one call of a zone's controller; what its program adds for the readings of the others, in REALs: FB41 takes it as DISV,
+ * the PID of IEC 61131-3 gets limits that are lower by it, and it is added to the output */
+static double called(const Network *w, const Case *cases, int i, Zone *z, const double *seen)
+{
+    float added = 0.0f;
+    Case c = cases[i];
+    double reading = reading_of(&c, seen[i]);
+    if (!w->factors) return controlled(&c, &z->m, z->word, reading);
+    for (int j = 0; j < w->zones; j++) {
+        float factor = (float)w->factors[i * w->zones + j], away;
+        if (factor == 0.0f) continue;
+        away = (float)reading_of(&cases[j], seen[j]) - (float)w->references[j];
+        added = added + away * factor;
+    }
+    if (c.target == FB41) {
+        c.added = added;
+        return controlled(&c, &z->m, z->word, reading);
+    }
+    c.words[3] = (float)c.words[3] - added;
+    c.words[4] = (float)c.words[4] - added;
+    float sum = (float)controlled(&c, &z->m, z->word, reading) + added;
+    return sum < 0.0f ? 0.0 : sum > 100.0f ? 100.0 : sum;
+}
+
 /* temperatures: of each scan and zone; highest: of each scan up to the next one; start: of each zone; 1: too many pulses */
 int zone_judge(Network *w, const Case *cases, const double *start, double *temperatures, double *highest, double *powers)
 {
     int n = w->zones, m = w->bodies, wrong = 0;
     Zone *zones = calloc((size_t)n, sizeof *zones);
-    double t[64], next[64], u[64], length = (double)w->period * w->h;
+    double t[64], next[64], u[64], sensed[64], length = (double)w->period * w->h;
     int64_t rows = 0, periods[64] = { 0 };
     memcpy(t, start, (size_t)m * sizeof *t);
     int64_t steps = (int64_t)w->scans * w->scan;
     for (int64_t k = 0; k < steps && !wrong; k++) {
         int64_t s = k / w->scan;
         double now = (double)k * w->h;
-        if (k % w->scan == 0)
+        if (k % w->scan == 0) {
+            for (int i = 0; i < n; i++) sensed[i] = t[i] + w->noise[s * n + i];
             for (int i = 0; i < n; i++) {
                 const Case *c = &cases[i];
-                double asked = w->asked[s * n + i], seen = t[i] + w->noise[s * n + i];
+                double asked = w->asked[s * n + i], seen = sensed[i];
                 temperatures[s * n + i] = highest[s * n + i] = t[i];
                 if (s < w->begins[i]) continue;
                 if (c->ramp == 0.0) zones[i].word = reading_of(c, asked);
@@ -117,9 +144,10 @@ int zone_judge(Network *w, const Case *cases, const double *start, double *tempe
                     zones[i].calls++;
                     zones[i].word = led(c, zones[i].word, reading_of(c, asked), reading_of(c, seen), zones[i].calls % c->ramp_calls == 0);
                 }
-                zones[i].asked_pct = controlled(c, &zones[i].m, zones[i].word, reading_of(c, seen));
+                zones[i].asked_pct = called(w, cases, i, &zones[i], sensed);
                 powers[s * n + i] = zones[i].asked_pct;
             }
+        }
         for (int i = 0; i < n; i++)
             for (; w->offsets[i] + (double)periods[i] * length < now + w->h - 1e-9; periods[i]++)
                 wrong |= zone_pulse(w, i, &cases[i], &zones[i], w->offsets[i] + (double)periods[i] * length, w->dead[i], length,

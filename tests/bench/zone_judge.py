@@ -20,7 +20,9 @@ import numpy as np
 from tests.bench.second_opinion import SWITCHES, TARGETS, _Case
 from tests.zones.networks import at_rest, balance, stepped
 
-WORDS = {"s7-300": ("GAIN", "RATE", "RESET", "SAMPLE"), "s5-ob251": ("K", "R", "TI", "TD", "BGOG", "BGUG")}
+WORDS = {"s7-300": ("GAIN", "RATE", "RESET", "SAMPLE"), "s5-ob251": ("K", "R", "TI", "TD", "BGOG", "BGUG"),
+         "fb41": ("GAIN", "TI", "TD", "TM_LAG", "CYCLE", "PV_FAC", "PV_OFF", "I_SEL", "D_SEL", "LMN_HLM"),
+         "iec-pid": ("KP", "TR", "TD", "XMIN", "XMAX", "CYCLE")}
 SLACK = 1.02  # of a limit, beside one count of the reading
 LOAD_PCT = 20.0
 RESERVE_PCT = 5.0
@@ -30,7 +32,7 @@ _STEP_S = 0.25
 class _Network(ctypes.Structure):
     _fields_ = (("zones", ctypes.c_int), ("bodies", ctypes.c_int), ("scans", ctypes.c_int), ("h", ctypes.c_double), ("scan", ctypes.c_int64),
                 ("period", ctypes.c_int64), *((name, ctypes.c_void_p) for name in (
-                    "move", "drive", "constant", "dead", "asked", "load", "noise", "shares", "begins", "offsets", "pulses")),
+                    "move", "drive", "constant", "dead", "asked", "load", "noise", "shares", "begins", "offsets", "factors", "references", "pulses")),
                 ("places", ctypes.c_int64))
 
 
@@ -96,10 +98,14 @@ def ramp_of(words):
     """Return step, calls and °C per second of a setpoint ramp; a step of 0 where there is none."""
     if words.ramp is None:
         return 0.0, 1, 0.0
-    low, high = words.scaling.sensor_degC
     step = float(words.ramp.step)
-    # REAL setpoints of these targets are counts as well
-    return step, words.ramp.calls, step * (high - low) / TARGETS[words.target][1] / words.ramp.calls / words.sample_time_s
+    return step, words.ramp.calls, step * unit_degC(words) / words.ramp.calls / words.sample_time_s
+
+
+def unit_degC(words):
+    """Return a unit of the reading: a count, but of the PID of IEC 61131-3 [°C]."""
+    low, high = words.scaling.sensor_degC
+    return 1.0 if words.target == "iec-pid" else (high - low) / TARGETS[words.target][1]
 
 
 def live(network, proof, *, settle_s, noise_degC, seed, settings):
@@ -144,6 +150,12 @@ def simulated(network, proof, asked, load, *, noise_degC=0.0, seed=0, settings=N
     if any(network.supply_shares):
         arrays["shares"] = np.array(network.supply_shares)
     arrays["offsets"] = np.array(proof.offsets_s)
+    if proof.design.decoupling is not None:
+        low, unit = words[0].scaling.low_degC, unit_degC(words[0])
+        away = (np.array(proof.design.decoupling.references_degC) - low) / ((words[0].scaling.sensor_degC[1] - low) / counts)
+        whole = np.floor(away + 1e-9)  # as the module reads it
+        arrays["factors"] = np.array(proof.design.decoupling.pct_per_degC) * unit
+        arrays["references"] = whole if unit != 1.0 else low + whole * (words[0].scaling.sensor_degC[1] - low) / counts
     arrays["pulses"] = np.zeros((count * (math.ceil(len(asked) * interval / actuator.pwm_period_s) + 2), 3))
     arrays = {name: np.ascontiguousarray(array, dtype=np.float64) for name, array in arrays.items()}
     arrays["begins"] = np.zeros(count, dtype=np.int64) if begins is None else np.array(begins, dtype=np.int64)

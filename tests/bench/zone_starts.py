@@ -1,6 +1,6 @@
 """Zones started in any order, at any intervals: does a PASS hold? python -m tests.bench.zone_starts [COUNT] [SEED] [NETWORKS…].
 
-Networks are drawn, logged, fitted and designed as in `networks`; with "known", the network is known and its design costs no fit.
+Networks are drawn, logged, fitted and designed as in `networks`; with "known", the network is known and its design costs no fit; with "decoupled", zones are decoupled where that helps.
 What passes is started on the true network in drawn orders: at once, in quick succession, or each zone when those before it
 rest. All is judged by `zone_judge`: from its start on, no zone may exceed its setpoint by more than the limit of the
 overshoot, whoever is started meanwhile, and at the end all rest. The last columns are the largest overshoot as a share of
@@ -9,6 +9,7 @@ that limit while a zone heats up, and while zones are started after it.
 
 import sys
 from collections import Counter
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +18,7 @@ from heatertune.plc import Scaling, controller_for
 from heatertune.settings import Conditions
 from heatertune.zones import design_zones, fit_network, network_by_hand
 from heatertune.zones.joint_proof import specification_for
-from tests.bench.networks import TARGETS, drawn_log
+from tests.bench.networks import DECOUPLED, TARGETS, drawn_log
 from tests.bench.second_opinion import SWITCHES
 from tests.bench.second_opinion import TARGETS as SENSORS
 from tests.bench.zone_judge import SLACK, settling, simulated
@@ -74,7 +75,8 @@ def started(network, proof, order, gaps, rest, *, settings=None, seed=0, noise_d
 def judged(network, proof, random, orders=ORDERS):
     """Yield each drawn order, its gaps and what becomes of it."""
     words, zones = proof.words[0], len(proof.words)
-    size = radius(network, proof.design.designs, words.sample_time_s, controller_for(words.target).delayed_s(words.scaling))
+    added = 0.0 if proof.design.decoupling is None else np.array(proof.design.decoupling.pct_per_degC)
+    size = radius(network, proof.design.designs, words.sample_time_s, controller_for(words.target).delayed_s(words.scaling), added)
     rest = int(settling(network, proof, size) / words.sample_time_s) * 2
     choices = SWITCHES[words.target]
     for _ in range(orders):
@@ -85,21 +87,21 @@ def judged(network, proof, random, orders=ORDERS):
         yield order, gaps, started(network, proof, order, gaps, rest, settings=settings, seed=int(random.integers(1 << 30)))
 
 
-def designed(seed, *, known=False):
+def designed(seed, *, known=False, decouple=False):
     """Return a drawn network, its design, and what draws further."""
     network, log, random = drawn_log(seed, 5)
     fitted = network_by_hand(network) if known else fit_network(log)
     cold, rise = at_rest(network)
     setpoints = cold + rise @ random.uniform(22.0, 40.0, len(network.zones))
-    spec = specification_for(fitted, list(setpoints.round(1)), Conditions())
-    return network, design_zones(fitted, TARGETS[seed % 2], specification=spec, scaling=Scaling(high_degC=200.0)), random
+    spec = replace(specification_for(fitted, list(setpoints.round(1)), Conditions()), decouple=decouple)
+    return network, design_zones(fitted, (DECOUPLED if decouple else TARGETS)[seed % 2], specification=spec, scaling=Scaling(high_degC=200.0)), random
 
 
 def main(count=40, first=0, *kinds):
     """Print a line for each network and the totals; return whether a PASS was broken."""
     verdicts, false = Counter(), 0
     for seed in range(int(first), int(first) + int(count)):
-        network, proof, random = designed(seed, known="known" in kinds)
+        network, proof, random = designed(seed, known="known" in kinds, decouple="decoupled" in kinds)
         verdicts[proof.verdict] += 1
         if proof.verdict != "PASS":
             print(f"{seed}: {proof.verdict} {proof.summary().splitlines()[1]}", flush=True)

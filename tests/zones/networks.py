@@ -102,8 +102,11 @@ def steps(count, length, low=20.0, high=50.0):
     return powers
 
 
-def radius(network, designs, interval_s, delay_s):
-    """Return the largest eigenvalue of the coupled sampled PI loops, dead times in whole samples, rounded up."""
+def radius(network, designs, interval_s, delay_s, added=0.0):
+    """Return the largest eigenvalue of the coupled sampled PI loops, dead times in whole samples, rounded up.
+
+    `added`: power that zone i gets for each degree of zone j, shape (n, n) [%/°C].
+    """
     move, drive, _ = stepped(network, interval_s)
     bodies, count = len(move), len(designs)
     late = int(np.ceil((max(network.dead_times_s) + delay_s) / interval_s))
@@ -115,7 +118,7 @@ def radius(network, designs, interval_s, delay_s):
     at = [slice(0, count), *(slice(begin, begin + count) for begin in begins)]  # temperatures, powers on their way, sums
     matrix[:bodies, :bodies], matrix[:bodies, at[late]] = move, drive
     matrix[at[-1], at[-1]], matrix[at[-1], at[0]] = one, -one
-    matrix[at[1], at[0]], matrix[at[1], at[-1]] = -gain @ (one + share), gain @ share
+    matrix[at[1], at[0]], matrix[at[1], at[-1]] = added - gain @ (one + share), gain @ share
     for k in range(2, late + 1):
         matrix[at[k], at[k - 1]] = one
     return float(np.abs(np.linalg.eigvals(matrix)).max())

@@ -21,6 +21,7 @@ from heatertune.proof.prove_words import actuator_for
 from heatertune.proof.specification import preset
 from heatertune.settings import Conditions
 from heatertune.zones import design_zones, network_by_hand
+from heatertune.zones.decoupling import decoupling_for
 from heatertune.zones.joint_loop import ZoneEvent, ZoneLoop, offsets_for, residual_error_degC, run_zones
 from heatertune.zones.joint_proof import prove_zones, specification_for
 from heatertune.zones.joint_tuning import (
@@ -179,17 +180,18 @@ def test_the_powers_that_hold_temperatures_on_a_supply_that_sags_are_found(power
     assert np.max(network.holding_pct(network.steady_degC((100.0, 100.0)) + 20.0)) > 100.0
 
 
-@pytest.mark.parametrize("target", ["s7-300", "s5-ob251"])
-def test_a_compiled_run_is_the_plain_one_bit_for_bit(target):
-    """Under every kind of event; a network with elements that exchange heat in a ring has complex modes."""
+@pytest.mark.parametrize(("target", "share"), [("s7-300", None), ("s5-ob251", None), ("fb41", 0.7), ("iec-pid", 0.7)])
+def test_a_compiled_run_is_the_plain_one_bit_for_bit(target, share):
+    """Under every kind of event, with decoupling where there is a share of it; a network with elements that exchange heat in a ring has complex modes."""
     ring = np.array([[0.0, 3.0, 0.0], [0.0, 0.0, 3.0], [3.0, 0.0, 0.0]])
     network, design = replace(chain(3, 2.0), exchange=ring, supply_shares=(0.2, 0.1, 0.3)), separate((6.0,) * 3, (60.0,) * 3, target)
     assert np.abs(network.modes.rates.imag).max() > 1e-3
     loop = ZoneLoop(words=design.words, actuator=actuator_for(Conditions(pwm_period_s=4.0), design.words[0]),
-                    offsets_s=(0.0, 1.0, 2.0))
+                    offsets_s=(0.0, 1.0, 2.0),
+                    decoupling=None if share is None else decoupling_for(network_by_hand(network), (60.0,) * 3, share))
     events = [event for zone in range(3) for event in (ZoneEvent(0.0, "setpoint", zone, 60.0), ZoneEvent(0.0, "on", zone))]
     events += [ZoneEvent(100.0 + 20.0 * number, kind, number % 3, 20.0) for number, kind in enumerate(
-        ("load", "open", "stuck", "off", "closed", "closed", "on", "restart"))]
+        ("load", "open", "stuck", "off", "closed", "closed", "on", "restart", "broken"))]
     before = decide(False)
     try:
         plain = run_zones(loop, network, events, 400.0, noise_degC=0.02)

@@ -270,14 +270,16 @@ def _add_zones(group: Any) -> None:
                        "setpoint while a neighbour's changes [°C] (default: 40 %% of the change)")
     group.add_argument("--spread", type=float, metavar="K", help="by how much two zones may differ beyond their "
                        "setpoints while all heat up together [°C]; if needed, on the same setpoint ramp")
+    group.add_argument("--decouple", action="store_true", help="let each zone's program add power for its neighbours' "
+                       "temperatures, if that moves neighbours less (fb41, iec-pid)")
     group.add_argument("--rated-power", metavar="X,X", help="full power of each zone's heater [kW]")
     group.add_argument("--peak-power", type=float, metavar="X", help="most power of all heaters at once while the "
                        "setpoints are held [kW]; the PWM periods are staggered")
     group.add_argument("--stagger", action="store_true", help="begin the PWM periods of the zones one after the other")
 
 
-_OF_ZONES: Final = ("zone_log", "zone_setpoints", "neighbours", "neighbour_deviation", "spread", "rated_power",
-                    "peak_power", "stagger")
+_OF_ZONES: Final = ("zone_log", "zone_setpoints", "neighbours", "neighbour_deviation", "spread", "decouple",
+                    "rated_power", "peak_power", "stagger")
 
 
 def _run_design(settings: argparse.Namespace) -> int:

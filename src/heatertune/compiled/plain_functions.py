@@ -29,7 +29,8 @@ import numpy.typing as npt
 from heatertune.compiled.loader import array_address
 
 __all__ = [
-    "ProbeResult", "addresses_are_right", "bound", "callees", "cold_state", "copy_function", "lane_parameters",
+    "ProbeResult", "addresses_are_right", "bound", "callees", "cold_state", "copy_function", "disturbance_step",
+    "lane_parameters",
     "law_loaded", "law_step", "law_stored", "measure", "numba_function", "plainly", "probe", "probe_arguments",
     "runs_compiled_as", "setpoint_word", "step", "warm_state",
 ]
@@ -96,6 +97,22 @@ def step(_parameters: Any, _state: Any, _setpoint: Any, _reading: Any, _cycle_st
         _setpoint: in its units.
         _reading: likewise.
         _cycle_start: whether a PWM period begins.
+    """
+    raise NotImplementedError
+
+
+def disturbance_step(
+    _parameters: Any, _state: Any, _setpoint: Any, _reading: Any, _cycle_start: bool, _disturbance_pct: float
+) -> tuple[Any, ...]:
+    """Stand in for a controller's step with a disturbance variable, see `StepFunctions`.
+
+    Args:
+        _parameters: of the controller.
+        _state: before the scan.
+        _setpoint: in its units.
+        _reading: likewise.
+        _cycle_start: whether a PWM period begins.
+        _disturbance_pct: power that is added [%].
     """
     raise NotImplementedError
 

@@ -572,6 +572,10 @@ class VirtualPlc:
         self._intervals += 1
         return self._measured(self._plan.loop.sensor, reading)
 
+    def module_reading(self, temperature: float) -> Any:
+        """Return what the input module reads of a temperature [°C], whatever has gone wrong."""
+        return self._measured(self._plan.loop.sensor, temperature)
+
     def _gate(self) -> None:
         """Tell what is over, and wait until the next interval may begin."""
         self._over()

@@ -112,7 +112,9 @@ class StepFunctions:
         restarted: (parameters, cold state, state) → the state after a start-up of the PLC, as the exported program and
             what the PLC retains leave it.
         other_starts: (parameters, cold state) → cold states from which the calls that are missed are other ones.
-        stored: a sum as the setpoint word holds it.
+        store_setpoint: a sum as the setpoint word holds it.
+        disturbance_step: as `step`, with power behind the reading that the program around the controller adds to its
+            output, and to its anti-windup [% of full power]; None: it has no input for that.
         singles: whether all floats of parameters, state and setpoint are REALs: a compiled step may then be given them
             in single precision.
     """
@@ -127,6 +129,7 @@ class StepFunctions:
     warm_start: Callable[[Any, Any, Any], Any] = cold_again
     other_starts: Callable[[Any, Any], Sequence[Any]] = lambda _parameters, _cold: ()
     store_setpoint: Callable[[Any], Any] = as_it_is
+    disturbance_step: Callable[[Any, Any, Any, Any, bool, float], tuple[Any, float, Any, int]] | None = None
 
     def run(self, running: ControllerState, setpoint: Any, reading: Any, *, cycle_start: bool) -> tuple[ControllerState,
                                                                                                         Scan]:

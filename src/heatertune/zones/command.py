@@ -18,6 +18,7 @@ from heatertune.proof.design_request import with_printer_range
 from heatertune.proof.words_file import exported_names
 from heatertune.settings import FitSettings, SampleSettings, WordSettings
 from heatertune.writing import write_files
+from heatertune.zones.decoupling import demand_input
 from heatertune.zones.identify import FittedNetwork, fit_network
 from heatertune.zones.joint_design import design_zones
 from heatertune.zones.joint_proof import JointProof, ZoneSpecification, specification_for
@@ -89,6 +90,8 @@ def _demand_program(settings: argparse.Namespace, target: str, zones: int) -> No
     """Refuse what no program of the target can do, before anything is computed."""
     if settings.peak_power is not None and settings.rated_power is None:
         raise InputError("--peak-power: needs the rated power of each zone's heater; state --rated-power")
+    if settings.decouple:
+        demand_input(target)
     demand_program(target, zones, staggered=settings.stagger or settings.peak_power is not None)
 
 
@@ -101,7 +104,7 @@ def _specification(settings: argparse.Namespace, fitted: FittedNetwork, conditio
     spec = specification_for(fitted, setpoints, conditions)
     rated = () if settings.rated_power is None else numbers_in("--rated-power", settings.rated_power)
     return replace(spec, deviation_degC=settings.neighbour_deviation, rated_kw=rated, peak_kw=settings.peak_power,
-                   staggered=settings.stagger, spread_degC=settings.spread)
+                   staggered=settings.stagger, spread_degC=settings.spread, decouple=settings.decouple)
 
 
 def _parameters(proof: JointProof) -> str:

@@ -5,6 +5,9 @@ whose increment is below one of them stays.
 
 Where zones overshoot as they start, or the spread of zones that heat up together is limited and power alone does not
 keep it, all get the same setpoint ramp: the fastest of a few at which the slowest zone follows and the limits are kept.
+
+Zones that are to be decoupled keep the words that were found without decoupling, where these pass with it; the largest
+share of the static gains that is robust, passes and moves the neighbours less is taken.
 """
 
 from __future__ import annotations
@@ -25,6 +28,7 @@ from heatertune.plc.ramp import Ramp
 from heatertune.plc.words import Words
 from heatertune.proof.heaters import RESERVE_PCT
 from heatertune.settings import Conditions
+from heatertune.zones.decoupling import decoupling_for
 from heatertune.zones.identify import FittedNetwork
 from heatertune.zones.joint_loop import residual_error_degC
 from heatertune.zones.joint_proof import (
@@ -35,7 +39,7 @@ from heatertune.zones.joint_proof import (
     prove_zones,
     specification_for,
 )
-from heatertune.zones.joint_tuning import JOINT_MS, JointTuner
+from heatertune.zones.joint_tuning import JOINT_MS, MS_LADDER, JointDesign, JointTuner
 
 __all__ = ["design_zones"]
 
@@ -44,6 +48,9 @@ _MANY: Final = 10.0  # times the tolerance that an error at rest has to be to sp
 _PACES: Final = (1.0, 0.7, 0.5, 0.35, 0.25, 0.125)  # of the rate at which the slowest zone can follow a setpoint ramp
 _OF_STARTS: Final = (SPREAD_NAME, "overshoot [%]")  # what a setpoint ramp lowers
 _LONGER: Final = (2.0, 4.0, 3.0)  # intervals that are tried beyond the first, as multiples of it
+_ALMOST: Final = 1.2  # times the least neighbour deviation that faster decoupled controllers may have
+_CANDIDATES: Final = 3  # decoupled designs that are proven
+_SHARES: Final = (1.0, 0.8, 0.6, 0.4, 0.2)  # of the static gains that decoupling may take back
 
 
 def design_zones(
@@ -52,6 +59,9 @@ def design_zones(
     specification: ZoneSpecification | None = None, sample_time_s: float | None = None,
 ) -> JointProof:
     """Tune all zones together and prove them; the first design that passes, else the one that comes nearest.
+
+    Zones that the specification wants decoupled are so where that passes and moves the neighbours less; the remarks of
+    the proof say whether they are.
 
     Args:
         fitted: the network, see `heatertune.zones.fit_network` and `network_by_hand`.
@@ -64,7 +74,8 @@ def design_zones(
         sample_time_s: common interval of the controllers; None: found with the design [s].
 
     Raises:
-        InputError: no setpoint is known, or no design is robust for all plausible networks.
+        InputError: no setpoint is known, no design is robust for all plausible networks, or zones of that target
+            cannot be decoupled.
         OutOfRange, UnknownName, NotRepresentable: as `JointTuner` and `actuator_for`.
     """
     assumptions = conditions or Conditions()
@@ -76,9 +87,69 @@ def design_zones(
     if best is None:
         raise InputError(f"no {structure} of {target} keeps Ms {JOINT_MS:g} on all plausible networks: log longer "
                          "steps of each zone's power, which narrows the intervals")
-    if spec.spread_degC is None and (best.verdict != "FAIL" or not _keeps_all_but(_OF_STARTS, best)):
-        return best
-    return _start_together(best, partial(prove, specification=spec))
+    prove = partial(prove, specification=spec)
+    if spec.spread_degC is not None or (best.verdict == "FAIL" and _keeps_all_but(_OF_STARTS, best)):
+        best = _start_together(best, prove)
+    tuner = partial(at_interval, sample_time_s=best.words[0].sample_time_s)
+    return _decoupled(best, tuner(), prove) if spec.decouple else best
+
+
+def _decoupled(plain: JointProof, tuner: JointTuner, prove: Callable[..., JointProof]) -> JointProof:
+    """Return the proof of decoupled zones that move their neighbours less than without, else the one without.
+
+    Args:
+        plain: of the design without decoupling.
+        tuner: at its interval.
+        prove: proves a design.
+    """
+    if decoupling_for(plain.fitted, plain.specification.setpoints_degC, 1.0) is None:
+        return replace(plain, remarks=("not decoupled: the log shows no exchange of heat between zones",))
+    before_degC, best = plain.neighbour_deviation_degC, _best_decoupled(plain, tuner, prove)
+    if best is None:
+        reason = "no share of the static gains is robust on all plausible networks"
+    elif best.verdict == "FAIL":
+        broken = max(best.criteria, key=lambda criterion: criterion.share)
+        reason = f"with it, {broken.name} would be {broken.value:.3g}, limit {broken.limit:.3g} ({broken.where})"
+    elif plain.verdict == "FAIL" or best.neighbour_deviation_degC < before_degC:
+        return replace(best, remarks=(_gain(best, plain.verdict, before_degC),))
+    else:
+        reason = (f"with it, the neighbours would deviate by {best.neighbour_deviation_degC:.3g} °C, without by "
+                  f"{before_degC:.3g} °C")
+    return replace(plain, remarks=(f"not decoupled: {reason}",))
+
+
+def _best_decoupled(plain: JointProof, tuner: JointTuner, prove: Callable[..., JointProof]) -> JointProof | None:
+    """Return the proof of decoupled zones that comes nearest; None where none is robust. Arguments as `_decoupled`.
+
+    Of those that pass, that of the fastest controllers whose neighbours deviate little more than those of the best.
+    """
+    proofs = [prove(design.with_ramp(plain.words[0].ramp), up_to_failure=True)
+              for design in islice(_decoupled_designs(plain, tuner), _CANDIDATES)]
+    kept = [proof for proof in proofs if proof.verdict != "FAIL"]
+    if kept:
+        most_degC = _ALMOST * min(proof.neighbour_deviation_degC for proof in kept)
+        return next(proof for proof in kept if proof.neighbour_deviation_degC <= most_degC)
+    nearest = min(proofs, key=_worst_share, default=None)
+    if nearest is not None and _keeps_all_but(_OF_STARTS, nearest):
+        return _start_together(nearest, prove)
+    return nearest
+
+
+def _decoupled_designs(plain: JointProof, tuner: JointTuner) -> Iterator[JointDesign]:
+    """Yield decoupled designs of the same words and of slower ones, each with its largest robust share."""
+    setpoints, own = plain.specification.setpoints_degC, plain.design.ms_zones
+    slower = [(ms,) * len(own) for ms in MS_LADDER if plain.verdict == "FAIL" or ms < min(own)]
+    for ms_zones in dict.fromkeys([own, *slower]):
+        designs = (tuner.design_for(ms_zones, decoupling_for(plain.fitted, setpoints, share)) for share in _SHARES)
+        yield from islice((design for design in designs if design.is_robust), 1)
+
+
+def _gain(proof: JointProof, verdict: str, before_degC: float) -> str:
+    """Return what decoupling does for the zones, a line."""
+    share = 1.0 if proof.design.decoupling is None else proof.design.decoupling.share
+    return (f"decoupled: the program of each zone adds power for its neighbours' temperatures, {100.0 * share:.0f} % "
+            f"of the static gains; the neighbours deviate by up to {proof.neighbour_deviation_degC:.3g} °C, without "
+            f"decoupling by {before_degC:.3g} °C{', and the verdict would be FAIL' if verdict == 'FAIL' else ''}")
 
 
 def _start_together(proof: JointProof, prove: Callable[..., JointProof]) -> JointProof:

@@ -9,19 +9,20 @@ from __future__ import annotations
 import math
 from typing import Any, Final, NamedTuple
 
-from heatertune.compiled.plain_functions import cold_state, measure, step, warm_state
+from heatertune.compiled.plain_functions import cold_state, disturbance_step, measure, step, warm_state
 from heatertune.plc.pwm import INSTANT_S, on_time
+from heatertune.plc.single_precision import single
 from heatertune.proof.kernel import SetpointProgram, moves, setpoint_word_now
 from heatertune.proof.meter import Places
 
-__all__ = ["KINDS", "JointArrays", "NetworkArrays", "ZoneEvents", "ZoneMemory", "ZoneWords", "run_joint", "scan_zone",
-           "scan_zones"]
+__all__ = ["KINDS", "DecouplingArrays", "JointArrays", "NetworkArrays", "ZoneEvents", "ZoneMemory", "ZoneWords",
+           "decoupled_call", "neighbours_pct", "plain_call", "run_joint", "scan_zone", "scan_zones"]
 
 #: what may happen to a zone: its value is the setpoint [°C] or the load [% of its power]; a zone that is off is started
-#: again from cold; a broken sensor is not among them: every program puts such a zone off
-KINDS: Final = ("setpoint", "load", "off", "on", "closed", "open", "stuck", "restart")
-_SETPOINT, _LOAD, _ON, _CLOSED, _STUCK, _RESTART = map(KINDS.index, (
-    "setpoint", "load", "on", "closed", "stuck", "restart"))
+#: again from cold; "broken" is its sensor: every program puts such a zone off, and feeds its reading to no other
+KINDS: Final = ("setpoint", "load", "off", "broken", "on", "closed", "open", "stuck", "restart")
+_SETPOINT, _LOAD, _BROKEN, _ON, _CLOSED, _STUCK, _RESTART = map(KINDS.index, (
+    "setpoint", "load", "broken", "on", "closed", "stuck", "restart"))
 _WARM: Final = 1
 _COLD: Final = 2
 _REFINED: Final = 3  # steps towards a peak between two switchings
@@ -59,6 +60,19 @@ class ZoneEvents(NamedTuple):
     value: Places
 
 
+class DecouplingArrays(NamedTuple):
+    """What the program around the controllers adds to their outputs for the neighbours' readings, as REALs.
+
+    Attributes:
+        factors: of zone i for the reading of zone j, shape (n, n), 0 where it is not looked at; of shape (0, 0) without
+            decoupling [% per unit of the reading].
+        references: readings at which nothing is added, shape (n,) [units of the reading].
+    """
+
+    factors: Places
+    references: Places
+
+
 class ZoneWords(NamedTuple):
     """Setpoint words, in the controllers' units.
 
@@ -68,6 +82,7 @@ class ZoneWords(NamedTuple):
         last: which each controller was given last, on its ramp.
         calls: of each controller since its start.
         program: the setpoint ramp, one for all zones; its phases are not used.
+        decoupling: of the zones.
     """
 
     now: Places
@@ -75,6 +90,7 @@ class ZoneWords(NamedTuple):
     last: Places
     calls: Places
     program: SetpointProgram
+    decoupling: DecouplingArrays
 
 
 class ZoneMemory(NamedTuple):
@@ -90,6 +106,7 @@ class ZoneMemory(NamedTuple):
             [s].
         is_on, command, fault: of each zone: whether its controller runs, how it starts next, and 0 or the kind of
             event that broke its circuit, shape (n,).
+        is_unread: of each zone: whether its sensor is broken, shape (n,).
         period_counts, edge_counts, pulse_counts: of each zone: PWM periods, edges, pulses, shape (n,).
         arrival_counts: edges of zone j that zone i has felt, shape (n, n); on a supply that sags it feels all of them.
         edges: instants at which they arrive, on and off in turn, one place more than edges, shape (n, e) [s].
@@ -110,6 +127,7 @@ class ZoneMemory(NamedTuple):
     is_on: Places
     command: Places
     fault: Places
+    is_unread: Places
     period_counts: Places
     edge_counts: Places
     arrival_counts: Places
@@ -229,11 +247,78 @@ def scan_zone(  # noqa: PLR0913 - as `scan_zones`
     words.last[zone] = setpoint_word_now(
         words.program, words.now[zone], calls == 0, moves(words.program, calls), words.last[zone], reading)
     words.calls[zone] = calls + 1
-    state, power, _, flags = step(controller[0], state, words.last[zone], reading, begins)
+    state, power, _, flags = plain_call(controller, state, words, noise, memory, out, zone, k, reading, begins)
     memory.power[zone] = 0.0 if math.isnan(power) else power
     memory.overflows[0] += 1 if flags & overflow else 0
     out.readings[k, zone], out.powers[k, zone] = reading, memory.power[zone]
     return state
+
+
+def plain_call(
+    controller: Any, state: Any, words: ZoneWords, _noise: Places, _memory: ZoneMemory, _out: JointArrays, zone: int,
+    _k: int, reading: Any, begins: bool,
+) -> tuple[Any, float, Any, int]:
+    """Return what a zone's controller gives without its neighbours' readings; see `scan_zone`, `StepFunctions.step`.
+
+    Args:
+        controller: parameters and sensor.
+        state: its own.
+        words: setpoints.
+        _noise: as `decoupled_call`.
+        _memory: likewise.
+        _out: likewise.
+        zone: number of the zone.
+        _k: as `decoupled_call`.
+        reading: its own.
+        begins: whether a PWM period begins.
+    """
+    return step(controller[0], state, words.last[zone], reading, begins)
+
+
+def decoupled_call(  # noqa: PLR0913 - as `run_joint`
+    controller: Any, state: Any, words: ZoneWords, noise: Places, memory: ZoneMemory, out: JointArrays, zone: int,
+    k: int, reading: Any, begins: bool,
+) -> tuple[Any, float, Any, int]:
+    """Return what a zone's controller gives with its neighbours' readings of the same scan; arguments as `scan_zone`.
+
+    Args:
+        controller: parameters and sensor.
+        state: its own.
+        words: setpoints and decoupling.
+        noise: of the readings, shape (n,) [°C].
+        memory: of the loop.
+        out: places for the trace.
+        zone: number of the zone.
+        k: number of the scan.
+        reading: its own.
+        begins: whether a PWM period begins.
+    """
+    added = neighbours_pct(controller, words.decoupling, noise, memory, out, zone, k)
+    return disturbance_step(controller[0], state, words.last[zone], reading, begins, added)
+
+
+def neighbours_pct(
+    controller: Any, decoupling: DecouplingArrays, noise: Places, memory: ZoneMemory, out: JointArrays, zone: int,
+    k: int,
+) -> float:
+    """Return what a zone's program adds for the neighbours' readings, in REALs, one neighbour after the other [%].
+
+    Args:
+        controller: parameters and sensor; all zones have the same sensor range.
+        decoupling: factors and references.
+        noise: of the readings, shape (n,) [°C].
+        memory: of the loop.
+        out: places for the trace.
+        zone: number of the zone.
+        k: number of the scan.
+    """
+    total = single(0.0)
+    for other in range(len(decoupling.references)):
+        if decoupling.factors[zone, other] != 0.0 and memory.is_unread[other] == 0:
+            away = single(measure(controller[1], out.temperatures[k, other] + noise[other])
+                          - decoupling.references[other])
+            total = single(total + single(away * decoupling.factors[zone, other]))
+    return total
 
 
 def _happen(memory: ZoneMemory, dead_s: Places, words: ZoneWords, events: ZoneEvents, number: int, now: float) -> None:
@@ -247,6 +332,7 @@ def _happen(memory: ZoneMemory, dead_s: Places, words: ZoneWords, events: ZoneEv
             memory.command[each] = max(memory.command[each], _WARM)
     elif kind <= _ON:
         memory.is_on[zone], memory.power[zone], memory.command[zone] = kind == _ON, 0.0, _COLD
+        memory.is_unread[zone] = kind == _BROKEN
     else:
         _break_circuit(memory, dead_s[zone], zone, kind, now)
 

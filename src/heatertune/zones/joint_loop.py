@@ -29,6 +29,7 @@ from heatertune.proof.loop import LoopController, actuator_of, in_loop
 from heatertune.proof.prove_words import actuator_for
 from heatertune.proof.ripple_and_wear import ripple_degC
 from heatertune.settings import Conditions
+from heatertune.zones.decoupling import Decoupling, decoupling_arrays, demand_one_sensor
 from heatertune.zones.joint_kernel import (
     KINDS,
     JointArrays,
@@ -36,6 +37,9 @@ from heatertune.zones.joint_kernel import (
     ZoneEvents,
     ZoneMemory,
     ZoneWords,
+    decoupled_call,
+    neighbours_pct,
+    plain_call,
     run_joint,
     scan_zone,
     scan_zones,
@@ -45,7 +49,8 @@ from heatertune.zones.network import ThermalNetwork
 __all__ = [
     "JointCriterion", "JointTrace", "PeakPower", "RunPhase", "StartOrder", "ZoneEvent", "ZoneLoop", "bound_kernel",
     "calm_actuator", "event_arrays", "memory_at_rest", "name_order", "nested_pairs", "network_arrays",
-    "offsets_for", "overshoot_criteria", "ramp_program", "residual_error_degC", "rest_criteria", "run_zones",
+    "offsets_for", "overshoot_criteria", "pwm_option", "ramp_program", "residual_error_degC", "rest_criteria",
+    "run_zones",
     "start_orders", "summarize_orders", "tightest_degC", "zone_spread",
 ]
 
@@ -85,14 +90,17 @@ class ZoneLoop:
         words: of each zone, all of one target and interval.
         actuator: the switch of every zone, None if the controllers make the PWM themselves.
         offsets_s: begin of each zone's PWM period after that of the first [s].
+        decoupling: what each zone's program adds for its neighbours' temperatures; None: nothing.
 
     Raises:
-        InputError: words of several targets, intervals or setpoint ramps, or with a boost.
+        InputError: words of several targets, intervals or setpoint ramps, or with a boost; decoupled zones of several
+            sensor ranges, or of a target whose controller has no input for it.
     """
 
     words: tuple[Words, ...]
     actuator: Actuator | None
     offsets_s: tuple[float, ...] = ()
+    decoupling: Decoupling | None = None
 
     def __post_init__(self) -> None:
         if len({(words.target, words.sample_time_s, words.ramp) for words in self.words}) > 1:
@@ -100,6 +108,8 @@ class ZoneLoop:
                              "ramp")
         if any(words.boost is not None for words in self.words):
             raise InputError("zones are proven without boost: leave it out")
+        if self.decoupling is not None:
+            demand_one_sensor(self.words)
         if not self.offsets_s:
             object.__setattr__(self, "offsets_s", (0.0,) * len(self.words))
 
@@ -273,7 +283,8 @@ class _Controllers:
                    for words in loop.words]
         self.core, self.pwm = started[0].core, actuator_of(started[0], loop.actuator).numbers
         self.parameters = nested_pairs([(each.parameters, each.sensor) for each in started])
-        self.program = ramp_program(started[0])
+        self.program, self.decoupling = ramp_program(started[0]), decoupling_arrays(loop.decoupling, loop.words)
+        self.is_decoupled = loop.decoupling is not None
         self.cold, self.states = (nested_pairs([
             each.core.cold_start(each.parameters, each.core.own(each.state)) for each in started]) for _ in range(2))
 
@@ -283,9 +294,11 @@ class _Controllers:
                                             self.words[each.zone].scaling.low_degC) for each in events]
         none = self.controller.measure(self.words[0], self.words[0].scaling.low_degC)
         now, last = np.array([[none] * len(self.words)] * 2)
-        words = ZoneWords(now, np.array([*measured, none]), last, np.zeros(len(now), dtype=np.int64), self.program)
+        words = ZoneWords(now, np.array([*measured, none]), last, np.zeros(len(now), dtype=np.int64), self.program,
+                          self.decoupling)
         own: tuple[Any, ...] = self.parameters, self.cold, self.states, words
-        flags, function = self.core.flags, bound_kernel(self.core, len(self.words))
+        flags, function = self.core.flags, bound_kernel(
+            self.core, len(self.words), is_decoupled=self.is_decoupled)
         overflow = 1 << flags.index("overflow") if "overflow" in flags else 0
         if self.core.compiles and worth_compiling(others[-1].powers.size, function.__qualname__, _MOST_PLAIN, function):
             own = to_single(own) if self.core.singles else own
@@ -308,9 +321,24 @@ def nested_pairs(items: Sequence[Any]) -> Any:
 
 
 @cache
-def bound_kernel(core: StepFunctions, count: int) -> Callable[..., int]:
-    """Return the kernel with a controller in it for so many zones, a plain function."""
-    one = bound(scan_zone, step=core.step, measure=core.measure, warm_state=core.warm_start, cold_state=core.cold_start,
+def bound_kernel(
+    core: StepFunctions, count: int, *, is_decoupled: bool = False, neighbour_reading: Callable[..., Any] | None = None
+) -> Callable[..., int]:
+    """Return the kernel with a controller in it for so many zones, a plain function.
+
+    Args:
+        core: of the controller.
+        count: number of zones.
+        is_decoupled: whether the program of each adds something for its neighbours' readings.
+        neighbour_reading: (sensor, temperature [°C]) → a neighbour's reading; None: as the controller's own.
+    """
+    call = bound(plain_call, step=core.step)
+    if is_decoupled:
+        assert core.disturbance_step is not None, "see ZoneLoop"
+        call = bound(decoupled_call, disturbance_step=core.disturbance_step,
+                     neighbours_pct=bound(neighbours_pct, measure=neighbour_reading or core.measure))
+    one = bound(scan_zone, plain_call=call, measure=core.measure, warm_state=core.warm_start,
+                cold_state=core.cold_start,
                 setpoint_word_now=bound(setpoint_word_now, setpoint_word=core.store_setpoint))
     scan = one
     for _ in range(count - 1):
@@ -348,11 +376,12 @@ def memory_at_rest(loop: ZoneLoop, network: ThermalNetwork, periods: int, edges:
     states = np.concatenate([network.steady_degC([0.0] * count), np.zeros(len(modes.elements))])
     z, offsets = (modes.inverse @ states).astype(np.complex128), np.array(loop.offsets_s, dtype=np.float64)
     heat, load, power, carry = np.zeros((4, count))
-    is_on, command, fault, period_counts, edge_counts, pulse_counts = np.zeros((6, count), dtype=np.int64)
+    is_on, command, fault, is_unread, period_counts, edge_counts, pulse_counts = np.zeros((7, count), dtype=np.int64)
     arrival_counts = np.zeros((count, count), dtype=np.int64)
     return ZoneMemory(
         z=z, target=np.zeros_like(z), offset=np.zeros_like(z), heat=heat, load=load, setpoint=np.full(count, np.nan),
         power=power, carry=carry, begin=offsets.copy(), origin=offsets, is_on=is_on, command=command, fault=fault,
+        is_unread=is_unread,
         period_counts=period_counts, edge_counts=edge_counts, arrival_counts=arrival_counts, pulse_counts=pulse_counts,
         edges=np.zeros((count, edges)), pulse_begin=np.zeros((count, periods)), pulse_end=np.zeros((count, periods)),
         overflows=np.zeros(1, dtype=np.int64))
@@ -375,7 +404,7 @@ def calm_actuator(
         InputError, OutOfRange: as `actuator_for`.
     """
     actuator, controller = actuator_for(conditions, words), controller_for(words.target)
-    if {conditions.pwm_period_s, controller.timing(words).pwm_period_s, controller.pwm_period_s} != {None}:
+    if not pwm_option(conditions, words, actuator):
         return actuator
     holding_pct = np.clip(network.holding_pct(setpoints_degC), 0.0, 100.0)
     heaters = [(network.neighbours_held(zone), float(power)) for zone, power in enumerate(holding_pct)]
@@ -388,6 +417,19 @@ def calm_actuator(
         if ripple <= _RIPPLE * tolerance_degC:
             break
     return actuator
+
+
+def pwm_option(conditions: Conditions, words: Words, actuator: Actuator) -> str:
+    """Return the option that states the PWM period of an actuator; "" where it is stated, or the controller's own.
+
+    Args:
+        conditions: of the proof.
+        words: of one of the zones.
+        actuator: of each zone.
+    """
+    controller = controller_for(words.target)
+    periods = {conditions.pwm_period_s, controller.timing(words).pwm_period_s, controller.pwm_period_s}
+    return f" --pwm-period {actuator.pwm_period_s:g}" if periods == {None} else ""
 
 
 def offsets_for(duties_pct: npt.ArrayLike, period_s: float, resolution_s: float) -> tuple[float, ...]:

@@ -1,7 +1,8 @@
 """The proof of all zones together: their words in one closed loop, on every plausible network, under every open point.
 
 The runs: all zones heated up together; of each zone a setpoint change, a load, an open heater circuit, the zone off and
-its heater stuck at full power; a restart of the PLC; zones started one after the other, see `start_orders`.
+its heater stuck at full power; a restart of the PLC; zones started one after the other, see `start_orders`. Of
+decoupled zones also a sensor that breaks, whose reading the other zones then do without.
 """
 
 from __future__ import annotations
@@ -40,6 +41,7 @@ from heatertune.zones.joint_loop import (
     name_order,
     offsets_for,
     overshoot_criteria,
+    pwm_option,
     residual_error_degC,
     rest_criteria,
     run_zones,
@@ -65,7 +67,9 @@ _LOAD_PCT: Final = 20.0
 _DECAY: Final = 200.0  # the loop has settled where its slowest motion is so many times smaller
 _BEYOND: Final = 1.1  # times the logged rise that a setpoint may be above the ambient
 _IDLE_PCT: Final = 1.0  # power that a zone needs at least to hold its setpoint
-_NOT_TESTED: Final = ("a sensor that breaks", "mains that change while the zones run", "a setpoint profile")
+_BREAKS: Final = "a sensor that breaks"  # run where zones are decoupled; every program puts such a zone off
+_READS_WRONG: Final = "a sensor that reads wrong (its neighbours follow it)"
+_NOT_TESTED: Final = ("mains that change while the zones run", "a setpoint profile")
 #: criteria of the setpoints alone
 HOLDING_POWERS: Final = ("power to hold the setpoints [%]", "cooling that a zone would need [%]")
 _NEAR: Final = 0.85  # of the time that a zone heats up with full power
@@ -96,6 +100,7 @@ class ZoneSpecification:
         staggered: whether the PWM periods begin one after the other, so that few heaters are on at once.
         spread_degC: by how much the difference between two zones may exceed that between their setpoints while all heat
             up together; None: no limit [°C].
+        decouple: whether the zones' programs are to add power for their neighbours' temperatures, where that helps.
     """
 
     setpoints_degC: tuple[float, ...]
@@ -106,6 +111,7 @@ class ZoneSpecification:
     peak_kw: float | None = None
     staggered: bool = False
     spread_degC: float | None = None
+    decouple: bool = False
 
     def __post_init__(self) -> None:
         check("step_degC", self.step_degC, above=0.0)
@@ -156,6 +162,7 @@ class JointProof:
         heat_s: likewise, after a heat-up or restart [s].
         switches: open point → setting that the user knows.
         conditions: of the proof.
+        remarks: what the design says of its own choices, lines of the summary.
     """
 
     design: JointDesign
@@ -179,6 +186,7 @@ class JointProof:
     heat_s: float = math.inf
     switches: Mapping[str, str] = field(default_factory=dict)
     conditions: Conditions = field(default_factory=Conditions)
+    remarks: tuple[str, ...] = ()
 
     @property
     def words(self) -> tuple[Words, ...]:
@@ -210,7 +218,8 @@ class JointProof:
                  f"{', '.join(f'{each:g}' for each in self.specification.setpoints_degC)} °C in {len(self.runs)} runs"]
         broken = sorted((each for each in self.criteria if not each.ok), key=lambda criterion: criterion.cause >= 0)
         lines += [f"not kept: {each.name} {each.value:.4g}, limit {each.limit:.4g} ({each.where})" for each in broken]
-        options, blocking = _allowing(broken), ", ".join(each.name for each in self.blocking)
+        options = _allowing(broken, pwm_option(self.conditions, self.words[0], self.actuator))
+        blocking = ", ".join(each.name for each in self.blocking)
         lines += [f"to allow {'it' if len(broken) == 1 else 'them'}: {options}"
                   f"{blocking and f'; NOT PROVEN until {blocking} is remedied, too'}"] if options else []
         for finding in self.blocking:
@@ -232,7 +241,7 @@ class JointProof:
         if most_kw is not None and limit_kw is not None and most_kw > limit_kw:
             lines.append(f"not limited to {limit_kw:.4g} kW: heating up, faults and restarts; fuses and supply have to "
                          f"bear {most_kw:.4g} kW")
-        return "\n".join([*lines, *self._group_start()])
+        return "\n".join([*lines, *self._group_start(), *self.remarks])
 
     def _group_start(self) -> Iterator[str]:
         """Yield how far the zones are apart while they heat up together, and what they need to be so."""
@@ -243,8 +252,8 @@ class JointProof:
                f"their setpoints{limit} ({self.spread.where})")
         if self.words[0].ramp is not None:
             rate = controller_for(self.words[0].target).ramp_degC_per_min(self.words[0])
-            yield (f"setpoint ramp of all zones: {rate:.3g} °C/min, contained in the program of each: start all zones "
-                   "at the same time")
+            together = "" if self.specification.spread_degC is None else ": start all zones at the same time"
+            yield f"setpoint ramp of all zones: {rate:.3g} °C/min, contained in the program of each{together}"
 
     def brief(self) -> str:
         """Return the summary without the criteria that are kept."""
@@ -270,18 +279,22 @@ _OPTIONS: Final = {
     "overshoot after a load [%]": ("--limit recovery-overshoot=", "%")}
 
 
-def _allowing(broken: Sequence[JointCriterion]) -> str:
-    """Return the options that allow what all broken criteria measured; "" where one of them has no option."""
+def _allowing(broken: Sequence[JointCriterion], pwm: str) -> str:
+    """Return the options that allow what all broken criteria measured; "" where one of them has no option.
+
+    A PWM period that is not stated follows the tolerance: `pwm` is the option that keeps it.
+    """
     others = [each for each in broken if each.name != SPREAD_NAME]
     if not broken or any(each.name not in _OPTIONS for each in broken):
         return ""
     if others and others != [*broken]:
-        return f"{_allowing(others)}; the spread is then proven again, with setpoint ramps if needed"
+        return f"{_allowing(others, pwm)}; the spread is then proven again, with setpoint ramps if needed"
     most, units = dict[str, float](), dict(_OPTIONS.values())
     for each in broken:
         option, _ = _OPTIONS[each.name]
         most[option] = max(most.get(option, 0.0), math.ceil(10.0 * each.value + 1e-6) / 10.0)
-    return " ".join(f"{option}{value:g}{units[option]}" for option, value in most.items())
+    named = " ".join(f"{option}{value:g}{units[option]}" for option, value in most.items())
+    return f"{named}{pwm if '--tolerance ' in most else ''}"
 
 
 def _limits_not_judged(conditions: Conditions) -> list[str]:
@@ -350,7 +363,8 @@ def prove_zones(
     offsets = (0.0,) * len(power[0])
     if staggered:
         offsets = offsets_for(np.array([*likely, *power[1:]]), actuator.pwm_period_s, actuator.resolution_s)
-    prover = _Prover(design, fitted, specification, ZoneLoop(words=design.words, actuator=actuator, offsets_s=offsets))
+    prover = _Prover(design, fitted, specification, ZoneLoop(
+        words=design.words, actuator=actuator, offsets_s=offsets, decoupling=design.decoupling))
     criteria, traces, runs = prover.static([network for _, network in networks], power), list[JointTrace](), list[str]()
     criteria += prover.residual_errors(prover.settings(assumptions.switches))
     unrun = len(criteria)
@@ -379,7 +393,8 @@ def prove_zones(
         design=design, fitted=fitted, specification=specification, actuator=actuator, offsets_s=offsets,
         criteria=tuple(worst), runs=tuple(runs), findings=(*fitted.findings, *_beyond_log(fitted, specification)),
         accepted=tuple(assumptions.accept),
-        not_tested=(*dict.fromkeys(prover.not_tested), *_limits_not_judged(assumptions), *_NOT_TESTED),
+        not_tested=(*dict.fromkeys(prover.not_tested), *_limits_not_judged(assumptions),
+                    _READS_WRONG if design.decoupling else _BREAKS, *_NOT_TESTED),
         peak_heaters=peak.most, peak_kw=peak_kw, heating_up_heaters=peak.ever, heaters_bound=peak.bound,
         bound_share=peak.share, spread=spread, trace=traces[0],
         settle_s=prover.settle_s, heat_s=max(prover.heat_s, 2.0 * prover.settle_s),
@@ -567,16 +582,17 @@ class _Prover:
         """Add the open circuit of a zone, and in the whole sequence the zone off and stuck; return the end [s]."""
         wait = self.settle_s
         cools = _COOLS * max(network.time_constants_s)  # a zone that is off, and then disturbs its neighbours no more
-        faults = ("open", "closed", self.open_s), ("off", "on", wait + cools), ("stuck", "closed", self.open_s)
+        faults = [("open", "closed", self.open_s), ("off", "on", wait + cools), ("stuck", "closed", self.open_s)]
+        faults += [("broken", "on", wait + cools)] if self.loop.decoupling else []
         for kind, ends, lasts in faults:
             if kind != "open" and not whole:
                 continue
             others = tuple(other for other in range(self.count) if other != zone)
-            holdable = kind == "off" and self._can_hold(network, others)
+            holdable = kind in ("off", "broken") and self._can_hold(network, others)
             events += [ZoneEvent(now, kind, zone), ZoneEvent(now + lasts, ends, zone)]
             if holdable:
                 phases.append(RunPhase(f"others with the zone {kind}", zone, now, now + lasts, idle=(zone,)))
-            again = 1.5 * wait + {"open": 0.0, "off": self._heat_up_s(network) - wait, "stuck": cools}[kind]
+            again = 1.5 * wait + {"open": 0.0, "stuck": cools}.get(kind, self._heat_up_s(network) - wait)
             phases.append(RunPhase(f"after the zone was {kind}", zone, now + lasts, now + lasts + again))
             now += lasts + again
         return now
@@ -661,7 +677,8 @@ class _Prover:
         if phase.kind in ("heat-up", "restart", "start"):
             if phase.started or phase.zone in (-1, zone):
                 yield from over("overshoot [%]", high, (limits.overshoot_pct, limits.overshoot_degC))
-        elif phase.kind.startswith("after") and zone == phase.zone and "stuck" not in phase.kind:
+        elif phase.kind.startswith("after") and "stuck" not in phase.kind and (
+                zone == phase.zone or "broken" in phase.kind):
             most = limits.reheat_overshoot_pct, limits.reheat_overshoot_degC
             yield from over("overshoot after a fault [%]", high, most)
         elif phase.kind.startswith("setpoint") and zone != phase.zone:

@@ -4,7 +4,8 @@ Each zone is tuned by the tuner of one loop for two heaters: itself with its nei
 where it answers fastest, and itself with its neighbours moving along, where it answers slowest. All zones are then
 detuned together, by a smaller Ms of each, until the whole loop is robust: the largest singular value of
 S = (I + G·C)⁻¹ stays within its limit on every plausible network, and so does the largest sensitivity of each zone
-alone with the others off.
+alone with the others off. With decoupling F (see `heatertune.zones.decoupling`), S = (I + G·(C − F))⁻¹, and every
+subset of the zones counts, as zones that are off or in manual are still read.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import Final
 
 import numpy as np
@@ -29,11 +31,12 @@ from heatertune.plc.ramp import Ramp
 from heatertune.plc.word_selection import choose_words
 from heatertune.plc.words import Words
 from heatertune.settings import TuneSettings
+from heatertune.zones.decoupling import Decoupling
 from heatertune.zones.identify import FittedNetwork
 from heatertune.zones.network import ThermalNetwork
 
-__all__ = ["JOINT_MS", "JointDesign", "JointTuner", "closed_loop_radius", "joint_sensitivity", "sensitivity_alone",
-           "zone_model", "zone_sensitivity"]
+__all__ = ["JOINT_MS", "MS_LADDER", "JointDesign", "JointTuner", "closed_loop_radius", "joint_sensitivity",
+           "sensitivity_alone", "zone_model", "zone_sensitivity"]
 
 Complex = npt.NDArray[np.complex128]
 
@@ -42,7 +45,7 @@ JOINT_MS: Final = 2.0
 #: most Ms of a zone alone, as of one heater; exchange of heat raises that of all together first
 _ALONE_MS: Final = 1.6
 #: Ms that each zone is tuned for, in turn; the first serves zones that exchange much heat
-_LADDER: Final = (1.8, 1.6, 1.5, 1.4, 1.32, 1.25, 1.2, 1.15, 1.1)
+MS_LADDER: Final = (1.8, 1.6, 1.5, 1.4, 1.32, 1.25, 1.2, 1.15, 1.1)
 _CLEARLY: Final = 1.05  # times a limit of Ms: more than rounding to words lowers it
 _DRAWN: Final = 12
 _FREQUENCIES: Final = 300
@@ -58,9 +61,11 @@ class JointDesign:
         words: of each zone.
         ms_zones: Ms that each zone was tuned for.
         joint_ms: largest singular value of S over all plausible networks.
-        alone_ms: largest sensitivity of a zone with the others off, over all plausible networks.
+        alone_ms: largest sensitivity of a zone with the others off, over all plausible networks; with decoupling, of
+            any zones with the others off.
         radius: largest magnitude of an eigenvalue of the sampled closed loop.
         structure: "pi" or "pid".
+        decoupling: what is added for the neighbours' temperatures; None: nothing.
     """
 
     designs: tuple[PidDesign, ...]
@@ -70,6 +75,7 @@ class JointDesign:
     alone_ms: float
     radius: float
     structure: str = "pi"
+    decoupling: Decoupling | None = None
 
     @property
     def is_robust(self) -> bool:
@@ -154,7 +160,7 @@ class JointTuner:
         Args:
             is_broken: whether the words of a zone break the specification by themselves.
         """
-        for ms in _LADDER:
+        for ms in MS_LADDER:
             if self._is_fragile(ms):
                 continue
             if any(is_broken(self._words(zone, ms)) for zone in range(len(self.models))):
@@ -174,10 +180,10 @@ class JointTuner:
 
     def slower(self, design: JointDesign, zone: int) -> JointDesign | None:
         """Return a design with one zone detuned further, None where that is not robust or no slower one is left."""
-        rung = _LADDER.index(design.ms_zones[zone]) + 1
-        if rung == len(_LADDER):
+        rung = MS_LADDER.index(design.ms_zones[zone]) + 1
+        if rung == len(MS_LADDER):
             return None
-        slower = self.design_for((*design.ms_zones[:zone], _LADDER[rung], *design.ms_zones[zone + 1:]))
+        slower = self.design_for((*design.ms_zones[:zone], MS_LADDER[rung], *design.ms_zones[zone + 1:]))
         return slower if slower.is_robust else None
 
     def _tuned_for(self, zone: int, ms: float) -> PidDesign:
@@ -189,17 +195,22 @@ class JointTuner:
             self._tuned[zone, ms] = choose_words(design, self.target, model, scaling=self.scaling).words
         return self._tuned[zone, ms]
 
-    def design_for(self, ms_zones: tuple[float, ...]) -> JointDesign:
-        """Return the design of zones that are tuned for these Ms; errors as the class."""
+    def design_for(self, ms_zones: tuple[float, ...], decoupling: Decoupling | None = None) -> JointDesign:
+        """Return the design of zones that are tuned for these Ms; errors as the class.
+
+        Args:
+            ms_zones: of each zone.
+            decoupling: what is added for the neighbours' temperatures; None: nothing.
+        """
         words = tuple(self._words(zone, ms) for zone, ms in enumerate(ms_zones))
         realised = tuple(_realised(each) for each in words)
         delay = controller_for(self.target).delayed_s(self.scaling or Scaling())
         return JointDesign(
             designs=realised, words=words, ms_zones=ms_zones,
-            joint_ms=max(joint_sensitivity(network, realised, delay) for network in self.networks),
-            alone_ms=max(sensitivity_alone(network, realised, delay) for network in self.networks),
-            radius=max(closed_loop_radius(network, realised, delay) for network in self._ends),
-            structure=self.settings.structure)
+            joint_ms=max(joint_sensitivity(network, realised, delay, decoupling) for network in self.networks),
+            alone_ms=max(sensitivity_alone(network, realised, delay, decoupling) for network in self.networks),
+            radius=max(closed_loop_radius(network, realised, delay, decoupling) for network in self._ends),
+            structure=self.settings.structure, decoupling=decoupling)
 
 
 def _realised(words: Words) -> PidDesign:
@@ -209,24 +220,41 @@ def _realised(words: Words) -> PidDesign:
     return design
 
 
-def joint_sensitivity(network: ThermalNetwork, designs: Sequence[PidDesign], delay_s: float = 0.0) -> float:
-    """Return the largest singular value of S = (I + G·C)⁻¹ over all frequencies.
+def joint_sensitivity(
+    network: ThermalNetwork, designs: Sequence[PidDesign], delay_s: float = 0.0, decoupling: Decoupling | None = None
+) -> float:
+    """Return the largest singular value of S = (I + G·(C − F))⁻¹ over all frequencies.
 
     Args:
         network: the heaters.
         designs: of all zones, with one interval.
         delay_s: of the controllers' input and output [s].
+        decoupling: F; None: none.
     """
     plant, control = _responses(network, designs, delay_s)
     difference = np.eye(len(designs)) + plant * control[:, None, :]
+    if decoupling is not None:
+        difference = difference - plant @ decoupling.matrix
     return float(1.0 / np.linalg.svd(difference, compute_uv=False)[:, -1].min())
 
 
-def sensitivity_alone(network: ThermalNetwork, designs: Sequence[PidDesign], delay_s: float = 0.0) -> float:
-    """Return the largest sensitivity of any zone while the others are off or in manual; arguments as above."""
+def sensitivity_alone(
+    network: ThermalNetwork, designs: Sequence[PidDesign], delay_s: float = 0.0, decoupling: Decoupling | None = None
+) -> float:
+    """Return the largest sensitivity of any zone while the others are off or in manual; arguments as above.
+
+    With decoupling, the largest singular value of the sensitivity of any zones, at their heaters, while the others are
+    off or in manual: they are read all the same.
+    """
     plant, control = _responses(network, designs, delay_s)
-    own = np.diagonal(plant, axis1=1, axis2=2) * control
-    return float(np.max(1.0 / np.abs(1.0 + own)))
+    if decoupling is None:
+        own = np.diagonal(plant, axis1=1, axis2=2) * control
+        return float(np.max(1.0 / np.abs(1.0 + own)))
+    loop = (control[:, :, None] * np.eye(len(designs)) - decoupling.matrix) @ plant
+    subsets = [zones for size in range(1, len(designs)) for zones in combinations(range(len(designs)), size)]
+    least = [np.linalg.svd(np.eye(len(zones)) + loop[np.ix_(range(len(loop)), zones, zones)], compute_uv=False)[:, -1]
+             for zones in map(list, subsets)]
+    return float(1.0 / np.min(least))
 
 
 def zone_sensitivity(network: ThermalNetwork, design: PidDesign, zone: int, delay_s: float = 0.0) -> float:
@@ -259,16 +287,22 @@ def _powers_pct(network: ThermalNetwork) -> tuple[float, ...]:
     return _POWERS_PCT if network.is_supply_shared else _POWERS_PCT[:1]
 
 
-def closed_loop_radius(network: ThermalNetwork, designs: Sequence[PidDesign], delay_s: float = 0.0) -> float:
+def closed_loop_radius(
+    network: ThermalNetwork, designs: Sequence[PidDesign], delay_s: float = 0.0, decoupling: Decoupling | None = None
+) -> float:
     """Return the largest magnitude of the eigenvalues of the sampled closed loop; arguments as `joint_sensitivity`.
 
     On a supply that sags, the largest at the powers of `_POWERS_PCT`. The states are the network's modes, the powers on
     their way, and of each controller the sum of the errors, the filtered difference and the last error.
     """
-    return max(_radius(network, designs, delay_s, network.power_slopes(power)) for power in _powers_pct(network))
+    added = np.zeros((len(designs),) * 2) if decoupling is None else decoupling.matrix
+    return max(_radius(network, designs, delay_s, network.power_slopes(power), added)
+               for power in _powers_pct(network))
 
 
-def _radius(network: ThermalNetwork, designs: Sequence[PidDesign], delay_s: float, slopes: Array) -> float:
+def _radius(
+    network: ThermalNetwork, designs: Sequence[PidDesign], delay_s: float, slopes: Array, added: Array
+) -> float:
     modes, interval, count = network.modes, designs[0].sample_time_s, len(designs)
     size, dead = len(modes.rates), [divmod(late + delay_s, interval) for late in network.dead_times_s]
     places = np.cumsum([size, *(int(whole) + 1 for whole, _ in dead)])  # the powers on their way
@@ -288,6 +322,7 @@ def _radius(network: ThermalNetwork, designs: Sequence[PidDesign], delay_s: floa
         sums[total] += 1.0
         power += design.gain_pct_per_degC * (error + interval / design.integral_time_s * sums + difference)
         matrix[total], matrix[total + 1], matrix[total + 2], powers[zone] = sums, difference, error, power
+    powers[:, :size] += added @ modes.outputs
     for zone, (power, (whole, rest)) in enumerate(zip(slopes @ powers, dead, strict=True)):
         begin, own = places[zone], int(whole)
         now = np.expm1(modes.rates * (interval - rest)) / modes.rates * modes.inputs[:, zone]

@@ -9,13 +9,15 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Final
+from functools import partial
+from typing import Final, NamedTuple
 
 from heatertune.errors import ExportRefused, InputError
 from heatertune.plc import Certificate, controller_for
 from heatertune.plc.s5_ob251.blocks import PERIOD_ENDS
 from heatertune.plc.s5_ob251.step import FULL_SCALE
 from heatertune.plc.st.program_text import comment
+from heatertune.zones.decoupled_programs import decoupled_cont_c, decoupled_text
 from heatertune.zones.joint_proof import JointProof
 
 __all__ = ["demand_pass", "export_zones", "text_of_zone"]
@@ -25,14 +27,18 @@ _ST_BLOCK: Final = "\nFUNCTION_BLOCK "
 _ST_PROGRAM: Final = "\nPROGRAM Heater"
 
 _BETWEEN: Final = 10  # numbers of blocks from one zone to the next
-_MOST: Final = 8  # zones whose heaters are the bits of one byte of outputs
+#: target → zones whose heaters are the bits of one byte of outputs, and whose blocks have numbers of their own
+_MOST: Final = {"s5-ob251": 8, "s7-300": 8, "fb41": 6}
 _BLOCK: Final = re.compile(r"^(FUNCTION_BLOCK|DATA_BLOCK|FUNCTION|ORGANIZATION_BLOCK) (.+?)\n.*?^END_\1\n",
                            re.DOTALL | re.MULTILINE)
 _NO_FILE_NAME: Final = re.compile(r"[^\w-]")
 _LINE_END: Final = "\r\n"  # of a source of STEP 7
-_OWN_TEMPORARIES: Final = re.compile(r"^  [a-z]+ : D?INT ;$", re.MULTILINE)  # of the interrupt: not those of the CPU
+#: of the interrupt: not those of the CPU
+_OWN_TEMPORARIES: Final = re.compile(r"^  [a-z]+ : (?:D?INT|WORD|BOOL|REAL) ;$", re.MULTILINE)
 #: targets whose program of all zones makes their PWM by one clock
-_ONE_CLOCK: Final = ("s7-300", "s5-ob251", "iec-pid")
+_ONE_CLOCK: Final = ("s7-300", "s5-ob251", "iec-pid", "fb41")
+#: target of STEP 7 → where its PWM counts the ticks of the period
+_CLOCKS: Final = {"s7-300": "DB102.DBD    12", "fb41": "DB102.DBD    18"}
 
 
 def export_zones(proof: JointProof, *, force: bool = False) -> dict[str, str | bytes]:
@@ -102,9 +108,10 @@ def demand_program(target: str, zones: int, *, staggered: bool) -> None:
         raise InputError(f"the programs of {target} have no common clock, by which their PWM periods could begin one "
                          "after the other: leave out --peak-power and --stagger, or take --target "
                          f"{' or '.join(_ONE_CLOCK)}")
-    if target in _MOVED and zones > _MOST:
-        raise InputError(f"{zones} zones: a program of {target} has outputs for {_MOST}; make two groups that do not "
-                         "touch, or take a target with files of its own for each zone (heatertune targets)")
+    most = _MOST.get(target, zones)
+    if zones > most:
+        raise InputError(f"{zones} zones: a program of {target} has outputs and blocks for {most}; make two groups "
+                         "that do not touch, or take a target with files of its own for each zone (heatertune targets)")
 
 
 def _s5(zones: Sequence[str], parts: Sequence[Mapping[str, str | bytes]], proof: JointProof) -> dict[str, str | bytes]:
@@ -137,24 +144,44 @@ def _s5_moved(text: str, number: int) -> str:
     return re.sub(r"\bI 0\.0\b", f"I 0.{number}", re.sub(r"\bQ 4\.0\b", f"Q {4 + number}.0", text))
 
 
-def _s7(zones: Sequence[str], parts: Sequence[Mapping[str, str | bytes]], proof: JointProof) -> dict[str, str | bytes]:
-    """Return one source: FB 100 and 101 for all zones; DB, FC and FB from 100 of the first zone, 110 of the second."""
+class _Step7(NamedTuple):
+    """The source of one heater, the blocks that serve all zones, those of each zone, and the source of all zones."""
+
+    source: str
+    shared: tuple[str, ...]
+    own: tuple[str, ...]
+    title: str
+
+
+_PID_TIP: Final = _Step7("s7_300_pid.awl", ("FB 100", "FB 101"), ("DB 100", "DB 102", "DB 101", "FC 101 : VOID"),
+                         "s7_300_zones.awl")
+_CONT_C: Final = _Step7("fb41_cont_c.awl", ("FB 101",), ("DB 41", "DB 102", "DB 101", "FC 101 : VOID"),
+                        "fb41_zones.awl")
+
+
+def _s7(
+    form: _Step7, zones: Sequence[str], parts: Sequence[Mapping[str, str | bytes]], proof: JointProof
+) -> dict[str, str | bytes]:
+    """Return one source: FB 100 and 101 for all zones; DB, FC and FB from 100 of the first zone, 110 of the second.
+
+    Instances of CONT_C are DB 41, 51 and so on.
+    """
     files: dict[str, str | bytes] = {}
     shared: dict[str, str] = {}
     heads, zone_blocks, loads, calls = list[str](), list[str](), list[str](), list[str]()
     for number, (zone, part) in enumerate(zip(zones, parts, strict=True)):
         shift = _BETWEEN * number
         files |= {f"zone{number + 1}_{name}": content for name, content in part.items() if not name.endswith(".awl")}
-        source = str(part["s7_300_pid.awl"]).replace("\r\n", "\n")
+        source = str(part[form.source]).replace("\r\n", "\n")
         if "FB 101" not in source:
             raise InputError("this PWM is left to a switch behind the analog output, which a program of zones does not "
                              "have: leave out --pwm-rule, or state a --pwm-period that OB 35 makes")
-        source = _s7_delayed(source, number, proof)
+        source = decoupled_cont_c(_s7_delayed(source, number, proof), number, proof)
         blocks = {match[2]: match[0] for match in _BLOCK.finditer(source)}
         heads += [f"// zone {number + 1} of {len(zones)}: {zone}", *(
             _s7_moved(line, number) for line in source.splitlines() if line.startswith("//"))]
-        shared |= {name: blocks[name] for name in ("FB 100", "FB 101")}
-        zone_blocks += [_s7_moved(blocks[name], number) for name in ("DB 100", "DB 102", "DB 101", "FC 101 : VOID")]
+        shared |= {name: blocks[name] for name in form.shared}
+        zone_blocks += [_s7_moved(blocks[name], number) for name in form.own]
         zone_blocks.append(_s7_moved(_as_function_block(blocks["OB 35"], zone), number))
         start = blocks["OB 100"]
         loads.append(_s7_moved(start[start.index("NETWORK"):start.index("END_ORGANIZATION_BLOCK")], number))
@@ -165,7 +192,7 @@ def _s7(zones: Sequence[str], parts: Sequence[Mapping[str, str | bytes]], proof:
     cyclic = re.sub(_OWN_TEMPORARIES.pattern + "\n", "", tick[:tick.index("NETWORK")], flags=re.MULTILINE)
     text = "\n".join(["\n".join(heads), *shared.values(), *zone_blocks, restart, cyclic + "\n".join(calls),
                       "END_ORGANIZATION_BLOCK\n"])
-    return {"s7_300_zones.awl": text.replace("\n", _LINE_END), **files}
+    return {form.title: text.replace("\n", _LINE_END), **files}
 
 
 def _delayed(text: str, proof: JointProof, changes: Sequence[tuple[str, str]]) -> str:
@@ -193,10 +220,13 @@ def _ticks(proof: JointProof, number: int) -> tuple[int, int]:
 def _s7_delayed(source: str, number: int, proof: JointProof) -> str:
     """Return a source of STEP 7 in which FC 101 leaves the PWM's clock alone, and OB 100 sets it for its zone."""
     late, period = _ticks(proof, number)
-    return _delayed(source, proof, (
-        (r" +T +DB102\.DBD +12;[^\n]*\n", ""),
+    clock = _CLOCKS[proof.words[0].target]
+    zero = (r"(COM_RST := TRUE\);\n      L     0.00000000e\+000;\n)", r"\1      T     DB41.DBD   72;\n")
+    return _delayed(source, proof, (  # the PWM goes on, and takes what is left in LMN
+        *([zero] if proof.words[0].target == "fb41" else []),
+        (rf" +T +{clock};[^\n]*\n", ""),
         (r"(off: +CALL  FC 101;\n)      BEU   ;", r"\1      JU    out;"),
-        (r"(\n      CALL  FC 101;\n)", rf"\1      L     L#{-late % period};\n      T     DB102.DBD    12;\n"),
+        (r"(\n      CALL  FC 101;\n)", rf"\1      L     L#{-late % period};\n      T     {clock};\n"),
         (r"  TICK := L#0 ;", f"  TICK := L#{-late % period} ;")))
 
 
@@ -225,11 +255,14 @@ def _as_function_block(block: str, zone: str) -> str:
 
 
 def _s7_moved(text: str, number: int) -> str:
-    """Return a source with the data blocks, functions, inputs and outputs of a zone; FB 100 and 101 serve all."""
+    """Return a source with the data blocks, functions, inputs and outputs of a zone; FB 100 and 101 serve all.
+
+    The inputs of its neighbours, which the source names, stay.
+    """
     shift = _BETWEEN * number
-    text = re.sub(r"\b(DB ?|FC )(10[0-3])\b", lambda m: f"{m[1]}{int(m[2]) + shift}", text)
+    text = re.sub(r"\b(DB ?|FC )(10[0-3]|41)\b", lambda m: f"{m[1]}{int(m[2]) + shift}", text)
     text = re.sub(r"\bFB 102\b", f"FB {102 + shift}", text)
-    return re.sub(r"\bPIW 256\b", f"PIW {256 + 2 * number}", re.sub(r"\bQ 4\.0\b", f"Q 4.{number}", text))
+    return re.sub(r"\bPIW 256\b(?!;  // zone)", f"PIW {256 + 2 * number}", re.sub(r"\bQ 4\.0\b", f"Q 4.{number}", text))
 
 
 def _st_source(sources: Sequence[tuple[str, str]]) -> str:
@@ -258,13 +291,15 @@ def _st_delayed(source: str, number: int, proof: JointProof) -> str:
 
 def _st(zones: Sequence[str], parts: Sequence[Mapping[str, str | bytes]], proof: JointProof) -> dict[str, str | bytes]:
     """Return one source of structured text; a PLCopen project is that of one program."""
-    sources = [(zone, _st_delayed(str(part["iec_pid.st"]), number, proof))
+    sources = [(zone, decoupled_text(_st_delayed(str(part["iec_pid.st"]), number, proof), number, proof))
                for number, (zone, part) in enumerate(zip(zones, parts, strict=True))]
     return {"iec_pid_zones.st": _st_source(sources)}
 
 
-_PROGRAMS: Final[dict[str, Callable[..., dict[str, str | bytes]]]] = {"s5-ob251": _s5, "s7-300": _s7, "iec-pid": _st}
-_MOVED: Final[dict[str, Callable[[str, int], str]]] = {"s5-ob251": _s5_moved, "s7-300": _s7_moved}
+_PROGRAMS: Final[dict[str, Callable[..., dict[str, str | bytes]]]] = {
+    "s5-ob251": _s5, "s7-300": partial(_s7, _PID_TIP), "fb41": partial(_s7, _CONT_C), "iec-pid": _st}
+_MOVED: Final[dict[str, Callable[[str, int], str]]] = {
+    "s5-ob251": _s5_moved, "s7-300": _s7_moved, "fb41": _s7_moved}
 
 
 def text_of_zone(target: str, text: str, number: int) -> str:

@@ -23,7 +23,11 @@ __all__ = ["block_of_zone", "design_files", "zone_record"]
 _HEADS: Final = ("zone", "setpoint [°C]", "gain [°C/%]", "time constant [s]", "dead time [s]", "K [%/°C]", "TN [s]",
                  "TV [s]", "start of the PWM period [s]")
 #: target → where the words of the first zone stand in the program
-_BLOCKS: Final = {"s7-300": " The parameters stand in DB 100.", "s5-ob251": " The parameters stand in DB 30."}
+_BLOCKS: Final = {
+    "s7-300": " The parameters stand in DB 100.", "s5-ob251": " The parameters stand in DB 30.",
+    "fb41": " The parameters stand in DB 41."}
+#: target → where the power that decoupling adds can be watched
+_ADDED: Final = {"fb41": "DISV of its instance of FB 41", "iec-pid": "HeaterAdded of its program"}
 _ACCEPTANCE: Final = (
     "Heat up all zones together and note the highest temperature of each.",
     "Change the setpoint of one zone, wait until all zones rest, and note how far its neighbours deviate.",
@@ -55,7 +59,8 @@ def zone_record(proof: JointProof, document: Mapping[str, object], files: Sequen
     """
     title = f"{len(proof.words)} zones: {', '.join(proof.fitted.network.zones)}"
     digest = hashlib.sha256(to_json(document).encode()).hexdigest()[:16]
-    parts = [_verdict(proof), _overview(proof), _picture(proof), *_words(proof, refused=not files), _files(files),
+    parts = [_verdict(proof), _overview(proof), _picture(proof), *_words(proof, refused=not files), _decoupling(proof),
+             _files(files),
              f"<h2>Acceptance test</h2>{_acceptance(proof)}", _signatures(proof, digest)]
     return page(title, "\n".join(f"<section>{part}</section>" for part in parts if part), mark=digest)
 
@@ -107,6 +112,25 @@ def _words(proof: JointProof, *, refused: bool) -> list[str]:
             f"proof: {figure(setpoint)} °C; enter {text_of(entry)}.{blocks}</p>"
             + table(("done", *heads), rows, numeric=tuple(place + 1 for place in values), source=source))
     return sections
+
+
+def _decoupling(proof: JointProof) -> str:
+    """Return what the program of each zone adds for its neighbours, and how that is checked; "" without decoupling."""
+    decoupling, zones = proof.design.decoupling, proof.fitted.network.zones
+    if decoupling is None:
+        return ""
+    rows = [[zones[zone], zones[other], figure(factor), figure(decoupling.references_degC[other])]
+            for zone, row in enumerate(decoupling.pct_per_degC) for other, factor in enumerate(row) if factor != 0.0]
+    where = _ADDED[proof.words[0].target]
+    steps = [f"At rest at the proven setpoints, {where} is about 0 in every zone.",
+             "Raise the setpoint of one zone by 1 °C and wait until all zones rest: in each neighbour the added power "
+             "has changed by what the table says for it.",
+             "Unplug the sensor of a zone: that zone goes off, and in its neighbours its part is 0.",
+             "Other setpoints for good, or other heaters: design again."]
+    steps_html = "".join(f"<li>{tick(f'decoupled-{row}', line)} {text_of(line)} {BLANK}</li>"
+                         for row, line in enumerate(steps))
+    heads = ("to zone", "for zone", "power [%/°C]", "above [°C]")
+    return f"<h2>Power for the neighbours' temperatures</h2>{table(heads, rows, numeric=(2, 3))}<ol>{steps_html}</ol>"
 
 
 def block_of_zone(target: str, number: int) -> str:

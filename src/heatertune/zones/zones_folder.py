@@ -7,7 +7,7 @@ from the recorded network and proven again under the recorded conditions.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -23,6 +23,7 @@ from heatertune.plc.words import check_fields
 from heatertune.proof.proof_document import digest_of, with_digest
 from heatertune.proof.repetition import recorded_conditions
 from heatertune.settings import Conditions
+from heatertune.zones.decoupling import Decoupling, decoupling_for
 from heatertune.zones.identify import FittedNetwork, ParameterLayout
 from heatertune.zones.joint_loop import ZoneLoop
 from heatertune.zones.joint_proof import JointProof, ZoneSpecification, prove_zones
@@ -98,6 +99,7 @@ class ZonesProvenance:
         specification: what the zones must keep.
         conditions: of the proof.
         ramp: of the setpoints of all zones; None: they step.
+        decoupled_share: of the static gains that the programs take back; 0: zones are not decoupled.
     """
 
     structure: str
@@ -109,6 +111,7 @@ class ZonesProvenance:
     specification: ZoneSpecification
     conditions: Conditions
     ramp: Ramp | None = None
+    decoupled_share: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,6 +127,7 @@ class ZonesDesign:
         fitted: the heaters.
         provenance: what the design was made of.
         settle_s: time after which all zones are at rest [s].
+        remarks: of the design on its own choices, lines of the summary.
     """
 
     directory: str
@@ -134,6 +138,7 @@ class ZonesDesign:
     fitted: FittedNetwork
     provenance: ZonesProvenance
     settle_s: float
+    remarks: tuple[str, ...] = ()
 
     @property
     def zones(self) -> tuple[str, ...]:
@@ -151,6 +156,12 @@ class ZonesDesign:
         return self.provenance.specification
 
     @property
+    def decoupling(self) -> Decoupling | None:
+        """What the programs add for the neighbours' temperatures; None: nothing."""
+        share = self.provenance.decoupled_share
+        return decoupling_for(self.fitted, self.specification.setpoints_degC, share) if share > 0.0 else None
+
+    @property
     def conditions(self) -> Conditions:
         """Conditions of the proof."""
         return self.provenance.conditions
@@ -159,11 +170,6 @@ class ZonesDesign:
 def to_document(proof: JointProof, files: Iterable[str] = ()) -> Mapping[str, object]:
     """Return network, words of all zones, their proof and exported files as a JSON document, its digest last."""
     fitted, network = proof.fitted, proof.fitted.network
-    provenance = ZonesProvenance(
-        structure=proof.design.structure, ms_zones=proof.design.ms_zones, scaling=proof.words[0].scaling,
-        sample_time_s=proof.words[0].sample_time_s, actuator=proof.actuator, network=NetworkRecord.from_fitted(fitted),
-        specification=proof.specification, conditions=recorded_conditions(proof.conditions),
-        ramp=proof.words[0].ramp)
     return with_digest({
         "schema": SCHEMA,
         "verdict": proof.verdict,
@@ -180,6 +186,7 @@ def to_document(proof: JointProof, files: Iterable[str] = ()) -> Mapping[str, ob
         "exchange": [list(map(float, row)) for row in network.exchange],
         "shown_couplings": dict(fitted.couplings),
         "ci95": {name: [interval.low, interval.high] for name, interval in fitted.ci95.items()},
+        "decoupling": encode(proof.design.decoupling), "remarks": list(proof.remarks),
         "sample_time_s": proof.words[0].sample_time_s,
         "range_degC": list(proof.words[0].scaling.sensor_degC),
         "criteria": [plain({"name": each.name, "value": each.value, "limit": each.limit, "ok": each.ok,
@@ -192,8 +199,17 @@ def to_document(proof: JointProof, files: Iterable[str] = ()) -> Mapping[str, ob
         "bound_share": proof.bound_share,
         "spread_degC": None if proof.spread is None else proof.spread.value,
         "settle_s": proof.settle_s, "heat_s": proof.heat_s,
-        "files": sorted(files), "provenance": encode(provenance),
+        "files": sorted(files), "provenance": encode(_provenance(proof)),
     })
+
+
+def _provenance(proof: JointProof) -> ZonesProvenance:
+    words, decoupling = proof.words[0], proof.design.decoupling
+    return ZonesProvenance(
+        structure=proof.design.structure, ms_zones=proof.design.ms_zones, scaling=words.scaling,
+        sample_time_s=words.sample_time_s, actuator=proof.actuator, network=NetworkRecord.from_fitted(proof.fitted),
+        specification=proof.specification, conditions=recorded_conditions(proof.conditions), ramp=words.ramp,
+        decoupled_share=0.0 if decoupling is None else decoupling.share)
 
 
 def read_zones_design(directory: str | Path) -> ZonesDesign:
@@ -215,7 +231,8 @@ def read_zones_design(directory: str | Path) -> ZonesDesign:
         return ZonesDesign(
             directory=str(directory), verdict=str(document["verdict"]),
             digest=str(document["digest"]).partition(":")[2], words=words, offsets_s=offsets,
-            fitted=provenance.network.to_fitted(zones), provenance=provenance, settle_s=float(document["settle_s"]))
+            fitted=provenance.network.to_fitted(zones), provenance=provenance, settle_s=float(document["settle_s"]),
+            remarks=tuple(map(str, document.get("remarks", ()))))
     except (KeyError, TypeError, ValueError, InputError) as problem:
         raise DocumentError(f"{path}: {problem}: no whole design of zones; design them again") from None
 
@@ -249,7 +266,7 @@ def prove_again(design: ZonesDesign) -> JointProof:
         raise ExportRefused(f"{path}: the joint proof is {design.verdict}; only words that pass are written")
     tuner = JointTuner(design.fitted, design.words[0].target, scaling=origin.scaling, structure=origin.structure,
                        sample_time_s=origin.sample_time_s)
-    again = tuner.design_for(origin.ms_zones).with_ramp(origin.ramp)
+    again = tuner.design_for(origin.ms_zones, design.decoupling).with_ramp(origin.ramp)
     for zone, stored_words, words in zip(design.zones, design.words, again.words, strict=True):
         if dict(stored_words.values) != dict(words.values):
             raise ExportRefused(f"{path}: zone {zone}: its design makes other words than the file has, so it was "
@@ -260,4 +277,4 @@ def prove_again(design: ZonesDesign) -> JointProof:
     if proof.offsets_s != design.offsets_s or proof.actuator != origin.actuator:
         raise ExportRefused(f"{path}: the proof has another PWM than the file, so it was changed; design the zones "
                             "again")
-    return proof
+    return replace(proof, remarks=design.remarks)

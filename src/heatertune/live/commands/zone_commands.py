@@ -40,6 +40,7 @@ from heatertune.live.recorder import RecordingSetup, RecordingState, record
 from heatertune.live.write.plc_block import LinkSettings, Peer
 from heatertune.live.write.proven_words import Check, Declared
 from heatertune.report.layout import table, wrap_text
+from heatertune.zones.decoupling import WRITTEN
 
 __all__ = ["rollback", "watch", "write"]
 
@@ -220,6 +221,7 @@ def _other_words(proven: ProvenZones, zone: str, peer: Peer) -> str:
     except LinkError as problem:
         return f"zone {zone}: whether its words are the proven ones is not known: {problem}"
     words = proven.design.words[proven.design.zones.index(zone)]
+    own = () if proven.design.decoupling is None else WRITTEN[words.target]
     other = [f"{name} is {values[name]:g}, not {words.values[name]:g}" for name in peer.standing.own
-             if name not in peer.standing.block.operators and values[name] != words.values[name]]
+             if name not in (*peer.standing.block.operators, *own) and values[name] != words.values[name]]
     return f"zone {zone}: other words than were proven: {', '.join(other)}" if other else ""

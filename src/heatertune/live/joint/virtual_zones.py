@@ -24,6 +24,7 @@ from heatertune.live.controller_block import ServedBlock
 from heatertune.live.joint.zone_blocks import BLOCKS_APART, SPOKEN, demand_served, zone_registers
 from heatertune.live.plc import (
     HEATER,
+    SENSOR,
     Pace,
     PlcStopped,
     ScheduledFault,
@@ -36,6 +37,7 @@ from heatertune.live.serve import Simulation, VirtualPlcServed, is_of_link, pace
 from heatertune.plc import controller_for
 from heatertune.proof.loop import actuator_of, in_loop
 from heatertune.proof.scenario import Scenario
+from heatertune.zones.decoupling import WRITTEN, decoupling_arrays
 from heatertune.zones.joint_kernel import JointArrays, ZoneWords
 from heatertune.zones.joint_loop import (
     ZoneEvent,
@@ -57,6 +59,7 @@ _OF_CPU: Final = ("cpu-stop", "compressed")
 _CIRCUIT: Final[Mapping[str, str]] = {"heater-open": "open", "stuck-on": "stuck"}
 _ZONE: Final = re.compile(r"\s*zone=(\S+)\s+(.*)", re.DOTALL)
 _RESERVE: Final = 8  # PWM periods that the memory holds beyond those on their way
+_DISTURBANCE: Final = "DISV"
 _UNIT: Final = 1000  # first register of the simulator's own block
 
 
@@ -195,7 +198,8 @@ class VirtualZones(VirtualPlc):
         design, plans = self._design, self._plans
         words = design.words
         pwm = actuator_of(plans[0].loop, design.provenance.actuator).numbers
-        loop = ZoneLoop(words=words, actuator=design.provenance.actuator, offsets_s=design.offsets_s)
+        loop = ZoneLoop(words=words, actuator=design.provenance.actuator, offsets_s=design.offsets_s,
+                        decoupling=design.decoupling)
         periods = math.ceil(max(design.fitted.network.dead_times_s) / pwm[0]) + math.ceil(loop.sample_time_s / pwm[0])
         network = network_arrays(loop, design.fitted.network)
         size = 2 * (periods + _RESERVE + math.ceil(max(network.dead_s) / pwm[0]))
@@ -206,10 +210,11 @@ class VirtualZones(VirtualPlc):
         states = nested_pairs([part.block.begin() for part in self.parts])
         events, degC = self._events(), [plan.loop.setpoints[0] for plan in plans]
         setpoints = ZoneWords(list(degC), [degC[event.zone] for event in events], list(degC), [0] * len(degC),
-                              ramp_program(plans[0].loop))
-        core = served_core(plans[0].loop.core)
+                              ramp_program(plans[0].loop), decoupling_arrays(design.decoupling, words))
+        core = replace(served_core(plans[0].loop.core), disturbance_step=_scan_decoupled)
         try:
-            bound_kernel(core, len(words))(
+            bound_kernel(core, len(words), is_decoupled=design.decoupling is not None,
+                         neighbour_reading=_neighbour_reading)(
                 nested_pairs([(part, part) for part in self.parts]), states, states, setpoints, loop.sample_time_s, 0,
                 pwm, network, event_arrays(events), ZonesNoise(self._noise_degC, len(words)), memory, out)
         finally:
@@ -250,6 +255,21 @@ class VirtualZones(VirtualPlc):
         if self._is_scanning:
             self._is_scanning = False
             self.memory.changed.release()
+
+
+def _scan_decoupled(
+    plc: VirtualPlc, state: Any, setpoint: Any, reading: Any, _begins: bool, added_pct: float
+) -> tuple[Any, float, Any, int]:
+    """Write the disturbance variable, as the program does before it calls the block, and scan."""
+    before = plc.memory.image()
+    cells = bytearray(before)
+    plc.block.put_word(cells, _DISTURBANCE, float(added_pct))
+    plc.memory.write_changes(before, cells)
+    return plc.scan(state, setpoint, reading)
+
+
+def _neighbour_reading(plc: VirtualPlc, temperature_degC: float) -> Any:
+    return plc.module_reading(temperature_degC)
 
 
 class ZonesServed(VirtualPlcServed):
@@ -296,6 +316,7 @@ def virtual_zones(
     design = source if isinstance(source, ZonesDesign) else read_zones_design(source)
     options = settings or Simulation()
     blocks = demand_served(design.words)
+    _demand_disturbance_word(design)
     options = reaching_settings(blocks[0], design.words[0].target, _of_zones(options, blocks[0]))
     for protocol in options.serve:
         demand_library(protocol)
@@ -307,6 +328,14 @@ def virtual_zones(
     if "modbus" in options.serve:
         plc.speak_modbus(blocks)
     return ZonesServed(design, plc, options, linked=any(map(is_of_link, timetable[0])))
+
+
+def _demand_disturbance_word(design: ZonesDesign) -> None:
+    """Refuse decoupled zones whose program adds power around the block; raise InputError."""
+    target = design.words[0].target
+    if design.decoupling is not None and WRITTEN[target] != (_DISTURBANCE,):
+        raise InputError(f"decoupled zones of {target}: simulate does not serve what the program adds around the "
+                         "block; design with --target fb41, or without --decouple")
 
 
 def _of_zones(settings: Simulation, block: ServedBlock) -> Simulation:
@@ -366,6 +395,9 @@ def _zone_fault(design: ZonesDesign, text: str) -> tuple[int, ScheduledFault]:
     name, rest = (None, text) if match is None else match.groups()
     fault = fault_of(rest)
     _demand_simulated(text, fault)
+    if design.decoupling is not None and fault.name in SENSOR:
+        raise InputError(f"--fault {text!r}: not for decoupled zones, whose neighbours are not served what they read "
+                         "then; the proof has a sensor that breaks")
     if name is not None and name not in design.zones:
         raise UnknownName("zone", name, design.zones)
     of_all = is_of_link(fault) or fault.name in _OF_CPU

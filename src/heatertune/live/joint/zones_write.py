@@ -137,12 +137,21 @@ def peers_of(wanted: ZonesWriteRequest) -> list[Peer]:
             for address, words in zip(addresses, design.words, strict=True)]
 
 
+def _demand_parameters_alone(wanted: ZonesWriteRequest) -> None:
+    """Refuse decoupled zones: raise InputError."""
+    if wanted.proven.design.decoupling is not None:
+        raise InputError("decoupled zones: a write changes parameters, and cannot see whether the program in the PLC "
+                         "adds what was proven: load the exported program, or design without --decouple")
+
+
 def plan_zones(wanted: ZonesWriteRequest, peers: Sequence[Peer]) -> ZonesPlan:
     """Look at all zones, twice, and return what a write would do.
 
     Raises:
+        InputError: decoupled zones.
         LinkError: a zone cannot be read.
     """
+    _demand_parameters_alone(wanted)
     plans = tuple(_zone_plan(wanted, zone, peer) for zone, peer in enumerate(peers))
     try:
         order, plans = _ordered(wanted, plans)
@@ -235,6 +244,7 @@ def apply_zones(wanted: ZonesWriteRequest, confirm: str | None, progress: Progre
         InputError: other digits, something that nobody has said of the PLC, a folder that cannot be written, or another
             command on this PLC that is under way or has not ended.
     """
+    _demand_parameters_alone(wanted)
     wanted.proven.demand_yes(confirm)
     peers = peers_of(wanted)
     hold = Hold(wanted.address, wanted.link.clock)

@@ -17,7 +17,7 @@ from heatertune.plc.fb41.export import (
     premises,
     setpoint_entry,
 )
-from heatertune.plc.fb41.step import ContCAssumptions, restart, scan, step
+from heatertune.plc.fb41.step import ContCAssumptions, disturbance_step, restart, scan, step
 from heatertune.plc.fb41.words import FIELDS, consistent, design_of, parameters_of, reading_periphery, values_of
 from heatertune.plc.words import Words
 
@@ -52,7 +52,8 @@ class ContC(Controller, name="fb41"):
     delay_s = INPUT_S
     tick_s = TICK_S
     most_power = ("LMN_HLM", 100.0)
-    core = StepFunctions(step=step, measure=count, flags=("QLMN_HLM", "QLMN_LLM", "overflow"))
+    core = StepFunctions(step=step, measure=count, flags=("QLMN_HLM", "QLMN_LLM", "overflow"),
+                         disturbance_step=disturbance_step)
     values, design, consistent = staticmethod(values_of), staticmethod(design_of), staticmethod(consistent)
     export, image, oddities = staticmethod(export_words), staticmethod(from_image), staticmethod(oddities)
     load_exported, premises = staticmethod(loaders), staticmethod(premises)

@@ -18,8 +18,8 @@ from typing import Annotated, Any, Final, NamedTuple
 from heatertune.plc.cpu.s7_300.machine import FULL_SCALE, clamp, quotient, real
 from heatertune.plc.open_points import OpenPoint
 
-__all__ = ["ContCAssumptions", "ContCParameters", "ContCState", "call", "outcome", "restart", "scale_reading", "scan",
-           "step"]
+__all__ = ["ContCAssumptions", "ContCParameters", "ContCState", "call", "disturbance_step", "outcome", "restart",
+           "scale_reading", "scan", "step"]
 
 _PERCENT: Final = 100.0
 
@@ -97,6 +97,28 @@ def step(
     """
     sp_int, _ = scale_reading(parameters[0], setpoint)
     return _called(parameters[0], parameters[1], state, sp_int, reading)
+
+
+def disturbance_step(
+    parameters: tuple[ContCParameters, ContCAssumptions], state: ContCState, setpoint: int, reading: int, begins: bool,
+    disturbance_pct: float,
+) -> tuple[ContCState, float, float, int]:
+    """Compute one scan with DISV, see `heatertune.plc.core.StepFunctions`.
+
+    Args:
+        parameters: the block's, and the assumptions.
+        state: before the call.
+        setpoint: analog value, −32768…32767.
+        reading: analog value, −32768…32767.
+        begins: not looked at: the PWM is behind the output.
+        disturbance_pct: DISV, a REAL [%].
+    """
+    p = parameters[0]
+    fed = ContCParameters(  # without _replace, which no compiler takes
+        p.cycle, p.gain, p.ti, p.td, p.tm_lag, p.dead_band, p.upper, p.lower, p.pv_factor, p.pv_offset, p.lmn_factor,
+        p.lmn_offset, p.initial, float(disturbance_pct), p.manual, p.man_on, p.p_sel, p.i_sel, p.int_hold, p.i_itl_on,
+        p.d_sel)
+    return step((fed, parameters[1]), state, setpoint, reading, begins)
 
 
 def scan(

@@ -7,7 +7,7 @@ from typing import ClassVar
 from heatertune.plc.controller import Controller
 from heatertune.plc.core import ControllerState, Sensor, StepFunctions, count
 from heatertune.plc.iec_pid.export import entries, export_words, from_text, loaders, setpoint_entry
-from heatertune.plc.iec_pid.step import COLD, IecPidAssumptions, block_of, scan, step
+from heatertune.plc.iec_pid.step import COLD, IecPidAssumptions, block_of, disturbance_step, scan, step
 from heatertune.plc.iec_pid.words import (
     COUNTS,
     FIELDS,
@@ -53,7 +53,8 @@ class IecPid(Controller, name="iec-pid"):
     tick_s = HALF_WAVE_S
     has_ramp = has_boost = True
     most_power = ("XMAX", 100.0)
-    core = StepFunctions(step=step, measure=measure, flags=("upper limit", "lower limit", "overflow"), singles=True)
+    core = StepFunctions(step=step, measure=measure, flags=("upper limit", "lower limit", "overflow"), singles=True,
+                         disturbance_step=disturbance_step)
     values, design, consistent = staticmethod(values_of), staticmethod(design_of), staticmethod(consistent)
     interval_s, export, scan_all = staticmethod(interval_s), staticmethod(export_words), staticmethod(scan)
     text, oddities, load_exported = staticmethod(from_text), staticmethod(oddities), staticmethod(loaders)

@@ -17,8 +17,8 @@ from heatertune.plc.open_points import OpenPoint
 from heatertune.plc.single_precision import LARGEST, divide_single, single
 from heatertune.plc.st.program_text import NANOSECONDS, SECONDS, TENS_OF_MS, time_to_real
 
-__all__ = ["COLD", "IecPidAssumptions", "IecPidConstants", "IecPidInputs", "IecPidState", "block_of", "call", "scan",
-           "step"]
+__all__ = ["COLD", "IecPidAssumptions", "IecPidConstants", "IecPidInputs", "IecPidState", "block_of", "call",
+           "disturbance_step", "scan", "step"]
 
 
 class IecPidAssumptions(NamedTuple):
@@ -85,6 +85,30 @@ def step(
     """
     automatic = IecPidInputs(setpoint, feedback, setpoint, True, True)  # X0: nothing, but a REAL like the others
     return _scanned(parameters[0], state, automatic)
+
+
+def disturbance_step(
+    parameters: tuple[IecPidConstants, IecPidAssumptions], state: IecPidState, setpoint: float, feedback: float,
+    begins: bool, disturbance_pct: float,
+) -> tuple[IecPidState, float, float, int]:
+    """Compute one scan with a disturbance variable, see `heatertune.plc.core.StepFunctions`.
+
+    The program takes it from XMIN and XMAX and adds it to XOUT, so that the sum is what the block limits.
+
+    Args:
+        parameters: the block's, and the assumptions.
+        state: before the call.
+        setpoint: SP, a REAL, °C.
+        feedback: PV, a REAL, °C.
+        begins: not looked at: the PWM is behind the output.
+        disturbance_pct: a REAL [%].
+    """
+    b = parameters[0]
+    least, most = single(b.minimum - disturbance_pct), single(b.maximum - disturbance_pct)
+    block = IecPidConstants(b.kp, b.tr, b.td, least, most, b.growth, b.ten_t, b.within, b.again)
+    after, _, output, bits = step((block, parameters[1]), state, setpoint, feedback, begins)
+    total = single(output + disturbance_pct)
+    return after, min(max(total, 0.0), 100.0), total, bits
 
 
 def scan(
