@@ -3,8 +3,8 @@
 A controller of whole numbers may need a longer interval: its integral part moves by whole increments only, and an error
 whose increment is below one of them stays.
 
-Where zones overshoot as they start, or the spread of zones that heat up together is limited and power alone does not
-keep it, all get the same setpoint ramp: the fastest of a few at which the slowest zone follows and the limits are kept.
+Where zones overshoot or move their neighbours, or the spread of zones that heat up together is limited, and no gains
+keep the limit, all get the same setpoint ramp: the fastest of a few at which the slowest zone follows and all is kept.
 
 Zones that are to be decoupled keep the words that were found without decoupling, where these pass with it; the largest
 share of the static gains that is robust, passes and moves the neighbours less is taken.
@@ -46,7 +46,8 @@ __all__ = ["design_zones"]
 _ATTEMPTS: Final = 5  # designs that are proven, each detuned further, in all zones and then in one
 _MANY: Final = 10.0  # times the tolerance that an error at rest has to be to spare the other zones' tuning
 _PACES: Final = (1.0, 0.7, 0.5, 0.35, 0.25, 0.125)  # of the rate at which the slowest zone can follow a setpoint ramp
-_OF_STARTS: Final = (SPREAD_NAME, "overshoot [%]")  # what a setpoint ramp lowers
+#: what a setpoint ramp lowers
+_OF_RAMPS: Final = (SPREAD_NAME, "overshoot [%]", "overshoot after a fault [%]", "neighbour deviation [°C]")
 _LONGER: Final = (2.0, 4.0, 3.0)  # intervals that are tried beyond the first, as multiples of it
 _ALMOST: Final = 1.2  # times the least neighbour deviation that faster decoupled controllers may have
 _CANDIDATES: Final = 3  # decoupled designs that are proven
@@ -88,7 +89,7 @@ def design_zones(
         raise InputError(f"no {structure} of {target} keeps Ms {JOINT_MS:g} on all plausible networks: log longer "
                          "steps of each zone's power, which narrows the intervals")
     prove = partial(prove, specification=spec)
-    if spec.spread_degC is not None or (best.verdict == "FAIL" and _keeps_all_but(_OF_STARTS, best)):
+    if spec.spread_degC is not None or (best.verdict == "FAIL" and _keeps_all_but(_OF_RAMPS, best)):
         best = _start_together(best, prove)
     tuner = partial(at_interval, sample_time_s=best.words[0].sample_time_s)
     return _decoupled(best, tuner(), prove) if spec.decouple else best
@@ -130,7 +131,7 @@ def _best_decoupled(plain: JointProof, tuner: JointTuner, prove: Callable[..., J
         most_degC = _ALMOST * min(proof.neighbour_deviation_degC for proof in kept)
         return next(proof for proof in kept if proof.neighbour_deviation_degC <= most_degC)
     nearest = min(proofs, key=_worst_share, default=None)
-    if nearest is not None and _keeps_all_but(_OF_STARTS, nearest):
+    if nearest is not None and _keeps_all_but(_OF_RAMPS, nearest):
         return _start_together(nearest, prove)
     return nearest
 
@@ -162,7 +163,7 @@ def _start_together(proof: JointProof, prove: Callable[..., JointProof]) -> Join
         prove: proves a design with the limit, if there is one.
     """
     plain = prove(proof.design)
-    if plain.verdict != "FAIL" or not _keeps_all_but(_OF_STARTS, plain):
+    if plain.verdict != "FAIL" or not _keeps_all_but(_OF_RAMPS, plain):
         return plain
     ramped = [plain.design.with_ramp(ramp) for ramp in _ramps(plain)]
     for design in ramped:
