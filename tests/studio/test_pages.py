@@ -37,7 +37,7 @@ def drawn(client):
     """Return the options of the loop's chart, of each time it was drawn."""
     codes = [data["code"] for _, kind, data in client.outbox.messages if kind == "run_javascript"]
     return [json.loads(code.split(", ", 1)[1][:-1]) for code in codes
-            if code.startswith("studio.draw") and '"requested power' in code]
+            if code.startswith(("studio.draw", "studio.sketch")) and '"requested power' in code]
 
 
 @pytest.fixture

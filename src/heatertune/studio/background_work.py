@@ -9,10 +9,15 @@ from __future__ import annotations
 import asyncio
 import io
 import logging
+import os
+import sys
+import threading
 import time
 import zipfile
 from collections.abc import Callable, Coroutine, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from contextvars import copy_context
 from typing import Any, Final, Protocol
 
 from heatertune.chain.documents import words_document
@@ -181,6 +186,8 @@ _SEEK_S: Final = 1.0  # who looks at a FAIL for so long may want to know what wo
 _TICK_S: Final = 0.2  # between two looks at how far something is, each of which a browser draws
 _LIVE_S: Final = 0.5  # between two pictures of a loop that is being recorded
 
+_NICER: Final = 5  # by so much proofs give way
+
 _log: Final = logging.getLogger(__name__)
 
 
@@ -211,6 +218,20 @@ def _note_end(task: asyncio.Task[Any]) -> None:
     """Take the exception of a task, which nobody waits for any more where the studio ends meanwhile."""
     if not task.cancelled():
         task.exception()
+
+
+def _give_way() -> None:
+    """Let this thread, and those that it begins, give way to what the page waits for."""
+    if sys.platform == "linux":  # elsewhere threads have no priority of their own
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICER)
+
+
+_BEHIND: Final = ThreadPoolExecutor(8, "behind", _give_way)
+
+
+async def _behind(work: Callable[..., Any], *arguments: Any) -> Any:
+    """Return what a function gives in a thread that gives way to the page."""
+    return await asyncio.get_running_loop().run_in_executor(_BEHIND, copy_context().run, work, *arguments)
 
 
 class Work:
@@ -338,27 +359,52 @@ class Work:
         if session.fitted is None:
             self.tell()
             return
-        self._looking = True
+        self._looking, shown = True, None
         try:
             while not session.show_remembered():
                 ticket, fitted, settings, gains = session.ticket, session.fitted, session.settings, session.gains()
+                key = session.key
                 try:
-                    look = await self._slowly(asyncio.to_thread(first_look, fitted, settings, gains), settings.target)
+                    opening = asyncio.to_thread(first_look, fitted, settings, gains, whole=False)
+                    look = await self._slowly(opening, settings.target)
+                    whole = await self._whole(key, fitted, look) if look.is_opening else look
                 except Exception as problem:
                     if session.look_refused(ticket, self._kind(problem)):
                         break
                     continue
-                session.look_done(ticket, look)
-                self._show_on_pages(lambda page: page.show_loop(look))  # noqa: B023 - called at once
-                await asyncio.sleep(_FRAME_S)
+                if whole is None:
+                    continue
+                session.look_done(ticket, shown := whole)
+                await self._show_first(whole)
                 self._show_on_pages(lambda page: page.show_progress())
                 if ticket == session.ticket:
-                    await asyncio.to_thread(getattr, look, "margins")  # of the tables below the picture
+                    await asyncio.to_thread(getattr, whole, "margins")  # of the tables below the picture
+            if session.front is not None and session.front is not shown:
+                await self._show_first(session.front)
         finally:
             self._looking = False
         self.tell()
         await self._prove()
         await self._seek()
+
+    async def _show_first(self, look: LoopView) -> None:
+        """Draw a loop on every page, and give the browsers time to do so before more is sent."""
+        self._show_on_pages(lambda page: page.show_loop(look))
+        await asyncio.sleep(_FRAME_S)
+
+    async def _whole(self, key: Ticket, fitted: FittedModel, look: LoopView) -> LoopView | None:
+        """Show the opening of a long test sequence; return the whole of it once sliders rest, None: they moved on."""
+        await self._show_first(look)
+        task: asyncio.Task[LoopView] | None = None
+        while task is None or not task.done():
+            self._moved.clear()
+            if self.session.key != key:
+                return None
+            if task is None and time.monotonic() >= self._moved_at + _REST_S:
+                task = asyncio.create_task(_behind(first_look, fitted, look.settings, look.gains))
+                task.add_done_callback(_note_end)
+            await self._move_or_tick(task)
+        return task.result()
 
     async def _slowly(self, work: Coroutine[Any, Any, LoopView], target: str) -> LoopView:
         """Return the loop of a controller; where its code is not compiled yet, say why the page waits."""
@@ -630,7 +676,7 @@ class Work:
             with interruptible(check):
                 return run(tell)
 
-        task = asyncio.create_task(asyncio.to_thread(work))
+        task = asyncio.create_task(_behind(work))
         task.add_done_callback(_note_end)
         while not task.done():
             self._moved.clear()
@@ -648,10 +694,11 @@ class Work:
         self._show_on_pages(lambda page: page.show_progress())
         return task.result()
 
-    async def _move_or_tick(self, task: asyncio.Task[Any]) -> None:
+    async def _move_or_tick(self, task: asyncio.Task[Any] | None) -> None:
         """Wait for the end of a task, a move or a tick, whatever comes first."""
         moved = asyncio.create_task(self._moved.wait())
-        await asyncio.wait([task, moved], timeout=_TICK_S, return_when=asyncio.FIRST_COMPLETED)
+        await asyncio.wait([moved] if task is None else [task, moved], timeout=_TICK_S,
+                           return_when=asyncio.FIRST_COMPLETED)
         moved.cancel()
 
     def _kind(self, problem: Exception) -> Exception:

@@ -160,12 +160,11 @@ class LoopCard:
             return
         verdict_alone = self._shown[:1] + self._shown[2:] == shows[:1] + shows[2:]
         self._shown = shows
-        entry = None if proof is None else _pictures.get(id(proof))
-        picture = entry[1] if entry else _first_picture(look.proof)
+        picture = _first_picture(look.proof)
         if not (verdict_alone and picture is self._picture):
-            self._draw(look, picture, pinned, coarse=entry is None)
+            self._draw(look, picture, pinned, coarse=True)
         self._untold = partial(self._tell, look, proof, picture, pinned)
-        if entry is None:
+        if not look.is_opening:  # else the whole of it follows
             background_tasks.create(self._refine(shows, look, proof, pinned))
 
     def tell(self) -> None:
@@ -212,7 +211,7 @@ class LoopCard:
         self, look: LoopView, picture: Picture, pinned: Sequence[PinnedDesign], *, coarse: bool = False
     ) -> None:
         self._picture, self._coarse = picture, coarse
-        draw(self._chart, _loop_chart(look, picture, tuple(pinned), coarse=coarse))
+        draw(self._chart, _loop_chart(look, picture, tuple(pinned), coarse=coarse), sketch=coarse)
 
     def _tell(self, look: LoopView, proof: Proof | None, picture: Picture, pinned: Sequence[PinnedDesign]) -> None:
         self._sentence.set_text(views.sentence(proof or look.proof, look.settings.switch_kind))

@@ -48,6 +48,8 @@ _POINTED_AT: Final = """found => { const x = found[0].axisValue, instant = %s;
   const seen = chart.chart.getOption().series.filter(s => s.data.length && !(s.tooltip && s.tooltip.show === false));
   const rows = seen.map(s => `${s.name}: <b>${at(s.data).toFixed(1)} ${s.yAxisIndex ? "%%" : "°C"}</b>`);
   return [`${instant(x)} s`, ...rows].join("<br>"); }"""
+#: what a picture says that does not show all of a test sequence yet
+OPENING: Final = "heat-up and first event alone, less time at rest; the whole test sequence follows"
 _BAND: Final = 1.96  # of a normal distribution, 95 %
 _FAILING_PX: Final = 2.6  # width of the line of the run that breaks a limit
 _APART: Final = 0.06  # of the axis: room for a number of two digits in a picture of a telephone
@@ -226,6 +228,8 @@ def loop_chart(
     options["yAxis"][0] |= {"min": round(low - room, 1), "max": round(high + room, 1)}
     if nominal.actuator.cooling_gain is not None:
         options["yAxis"][1] |= {"min": -100, "interval": 100}
+    if look.is_opening:  # a sketch shows it, the chart that follows bears all
+        options["title"] = {"text": OPENING}
     return options
 
 
