@@ -79,7 +79,8 @@ def test_a_page_follows_from_the_first_socket_to_the_last_and_again_when_it_come
     assert faults == []
 
 
-def test_no_task_draws_into_a_page_that_is_gone(work, faults, monkeypatch):
+@pytest.mark.parametrize("says_so", [True, False])
+def test_no_task_draws_into_a_page_that_is_gone(work, faults, monkeypatch, says_so):
     release, begun = threading.Event(), threading.Event()
     monkeypatch.setattr(module, "_REST_S", 0.0)
 
@@ -95,7 +96,10 @@ def test_no_task_draws_into_a_page_that_is_gone(work, faults, monkeypatch):
         page, client = opened(work)
         connect(client)
         await asyncio.to_thread(begun.wait, 60.0)
-        disconnect(client)
+        if says_so:
+            disconnect(client)
+        else:
+            client.delete_handlers.clear()
         client.delete()
         del client
         gc.collect()

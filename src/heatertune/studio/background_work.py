@@ -265,6 +265,7 @@ class Work:
         self._recording: asyncio.Task[None] | None = None
         self._pages: list[Follower] = []
         self._fitting = self._looking = self._proving = self._seeking = self._drawing = False
+        self._drawn_first: LoopView | None = None
         self._moved_at = 0.0
         self._moved = asyncio.Event()
         self._held = 0
@@ -359,41 +360,44 @@ class Work:
         if session.fitted is None:
             self.tell()
             return
-        self._looking, shown = True, None
+        self._looking = True
         try:
             while not session.show_remembered():
                 ticket, fitted, settings, gains = session.ticket, session.fitted, session.settings, session.gains()
                 key = session.key
                 try:
                     opening = asyncio.to_thread(first_look, fitted, settings, gains, whole=False)
-                    look = await self._slowly(opening, settings.target)
-                    whole = await self._whole(key, fitted, look) if look.is_opening else look
+                    look = await self._whole(key, fitted, await self._slowly(opening, settings.target))
                 except Exception as problem:
                     if session.look_refused(ticket, self._kind(problem)):
                         break
                     continue
-                if whole is None:
+                if look is None:
                     continue
-                session.look_done(ticket, shown := whole)
-                await self._show_first(whole)
+                session.look_done(ticket, look)
+                await self._show_first(look)
                 self._show_on_pages(lambda page: page.show_progress())
                 if ticket == session.ticket:
-                    await asyncio.to_thread(getattr, whole, "margins")  # of the tables below the picture
-            if session.front is not None and session.front is not shown:
-                await self._show_first(session.front)
+                    await asyncio.to_thread(getattr, look, "margins")  # of the tables below the picture
+            await self._show_first(session.front)
         finally:
             self._looking = False
         self.tell()
         await self._prove()
         await self._seek()
 
-    async def _show_first(self, look: LoopView) -> None:
-        """Draw a loop on every page, and give the browsers time to do so before more is sent."""
+    async def _show_first(self, look: LoopView | None) -> None:
+        """Draw a loop on every page, unless it was drawn last, and give browsers time before more is sent."""
+        if look is None or look is self._drawn_first:
+            return
+        self._drawn_first = look
         self._show_on_pages(lambda page: page.show_loop(look))
         await asyncio.sleep(_FRAME_S)
 
     async def _whole(self, key: Ticket, fitted: FittedModel, look: LoopView) -> LoopView | None:
-        """Show the opening of a long test sequence; return the whole of it once sliders rest, None: they moved on."""
+        """Return a loop, of an opening, which is shown, the whole of it once sliders rest; None: they moved on."""
+        if not look.is_opening:
+            return look
         await self._show_first(look)
         task: asyncio.Task[LoopView] | None = None
         while task is None or not task.done():

@@ -178,7 +178,10 @@ class LoopCard:
 
     def shows(self, proof: Proof) -> bool:
         """Return whether this is the proof that is seen."""
-        return len(self._shown) > 1 and self._shown[1] is proof
+        return len(self._shown) > 1 and self._shown[1] is proof and not self._chart.is_deleted
+
+    def _still_shows(self, shown: tuple[object, ...]) -> bool:
+        return self._shown is shown and not self._chart.is_deleted
 
     async def _refine(
         self, shown: tuple[object, ...], look: LoopView, proof: Proof | None, pinned: Sequence[PinnedDesign]
@@ -187,11 +190,11 @@ class LoopCard:
         await asyncio.sleep(_REST_S)
         if self._coarse and self._picture is not None:
             await self._show_picture(shown, look, proof, self._picture, pinned)
-        if proof is None or self._shown is not shown:
+        if proof is None or not self._still_shows(shown):
             return
         if proof.verdict == "FAIL":  # before the others
             await self._show_picture(shown, look, proof, await asyncio.to_thread(_failing_run, proof), pinned)
-        while self._shown is shown:
+        while self._still_shows(shown):
             with suppress(_WindowGone):  # and wanted again meanwhile
                 await self._show_picture(shown, look, proof, await _picture_with_all_runs(proof), pinned)
                 return
@@ -201,9 +204,9 @@ class LoopCard:
         pinned: Sequence[PinnedDesign],
     ) -> None:
         """Draw a picture finely, and tell what is in it, if its loop is still the one that is seen."""
-        if self._shown is shown:
+        if self._still_shows(shown):
             await asyncio.to_thread(_loop_chart, look, picture, tuple(pinned), coarse=False)  # the wish is run, too
-        if self._shown is shown:
+        if self._still_shows(shown):
             self._draw(look, picture, pinned)
             self._tell(look, proof, picture, pinned)
 
