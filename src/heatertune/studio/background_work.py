@@ -33,10 +33,8 @@ from heatertune.proof.as_left import AsLeft, as_left
 from heatertune.proof.proof_document import ProofView
 from heatertune.report.as_left_section import judgement_text, measured_text, worst_text
 from heatertune.report.html import bullets, table, text_of
-from heatertune.report.plots import LOOK
 from heatertune.report.report_text import limit_text, readable_name
 from heatertune.settings import AsLeftSettings, FitSettings
-from heatertune.studio.charts import Options
 from heatertune.studio.live_log import LiveLog, RecordingRequest
 from heatertune.studio.loop_settings import (
     DRAWN,
@@ -56,7 +54,7 @@ from heatertune.studio.wording import fault_text, for_page
 from heatertune.studio.zones_design import DesignedZones, ZonesRequest, design_of, suitable_range, zones_found, zones_of
 
 __all__ = [
-    "Follower", "Work", "compare_with_proof", "export_zip", "figures", "left_chart", "left_sentence", "report_page",
+    "Follower", "Work", "compare_with_proof", "export_zip", "figures", "left_sentence", "report_page",
 ]
 
 
@@ -102,11 +100,6 @@ def report_page(standing: FrontDesign, files: Mapping[str, str | bytes]) -> str:
     return render(content | left)
 
 
-_INK: Final = "#1a1a1a"
-_BAND: Final = "#8c8c8c"
-_OUTSIDE: Final = "rgba(163, 60, 0, 0.13)"
-
-
 def compare_with_proof(standing: FrontDesign, log: Log, about: AsLeftSettings, progress: ProgressCallback) -> AsLeft:
     """Return a trace beside the proof of a design; errors as `heatertune.proof.as_left.as_left`."""
     proof = decode(ProofView, plain(document_of(standing.proof)), "the proof")
@@ -140,43 +133,6 @@ def figures(left: AsLeft) -> str:
 
 def _proven(line: Mapping[str, Any]) -> tuple[str, str, str]:
     return readable_name(line["name"]), limit_text(line), worst_text(line)
-
-
-def left_chart(left: AsLeft) -> Options:
-    """Return the trace over the band of the proven runs, what is outside of it shaded."""
-    low, high, log = {"color": _BAND, "width": 0.7}, left.high_degC, LOOK["log"]
-    width = [top - bottom for bottom, top in zip(left.low_degC, high, strict=True)]
-    stacked = {"stack": "band", "stackStrategy": "all", "lineStyle": {"opacity": 0.0}, "tooltip": {"show": False}}
-    mark_line = {"silent": True, "symbol": "none", "lineStyle": {"color": LOOK["limit"]["color"]}, "data": [
-        {"yAxis": left.setpoint_degC, "label": {"formatter": "setpoint", "position": "insideStartTop", "color": _INK}}]}
-    shaded = {"silent": True, "itemStyle": {"color": _OUTSIDE}, "data": [
-        [{"xAxis": stretch.begin_s}, {"xAxis": stretch.end_s}] for stretch in left.outside]}
-    text = {"color": _INK, "fontSize": 12}
-    ends = text | {"showMinLabel": False, "showMaxLabel": False}
-    axis = {"type": "value", "nameTextStyle": text, "axisLabel": ends, "splitLine": {"lineStyle": {"color": "#dddddd"}}}
-    return {
-        "animation": False, "grid": {"left": 52, "right": 20, "top": 30, "bottom": 42},
-        "tooltip": {"trigger": "axis", "confine": True, ":valueFormatter": "v => v.toFixed(1) + ' °C'"},
-        "xAxis": axis | {"name": "time since the setpoint change [s]", "nameLocation": "middle", "nameGap": 26,
-                         "min": "dataMin", "max": "dataMax", "axisLine": {"onZero": False}},
-        "yAxis": axis | {"name": "temperature [°C]", "scale": True, "axisLine": {"onZero": False},
-                         "nameTextStyle": text | {"align": "left", "padding": [0, 0, 0, -40]}},
-        "series": [
-            _line("", left.band_s, left.low_degC, stacked),
-            _line("", left.band_s, width, stacked | {"areaStyle": {"color": _BAND, "opacity": 0.35}}),
-            _line("lowest of the proven runs", left.band_s, left.low_degC, {"lineStyle": low}),
-            _line("highest of the proven runs", left.band_s, high, {"lineStyle": low}),
-            _line("measured", left.time_s, left.temperature_degC, {
-                "lineStyle": {"color": log["color"], "width": 1.4}, "itemStyle": {"color": log["color"]}, "z": 3,
-                "markLine": mark_line, "markArea": shaded}),
-        ],
-    }
-
-
-def _line(name: str, time_s: Sequence[float], values: Sequence[float], document: Mapping[str, Any]) -> dict[str, Any]:
-    points = [list(point) for point in zip(time_s, values, strict=True)]
-    look = {"type": "line", "showSymbol": False, "itemStyle": {"color": _BAND}}
-    return {**look, "name": name, "data": points, **document}
 
 
 _FRAME_S: Final = 0.03  # in which a browser draws the loop before more is sent

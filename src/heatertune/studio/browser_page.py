@@ -26,8 +26,8 @@ from heatertune.report.html import text_of
 from heatertune.report.report_text import samples_rows
 from heatertune.studio import charts, views
 from heatertune.studio.access import LARGEST_LOG
-from heatertune.studio.background_work import Work, figures, left_chart, left_sentence
-from heatertune.studio.charts import live_charts
+from heatertune.studio.background_work import Work, figures, left_sentence
+from heatertune.studio.charts import left_chart, live_charts
 from heatertune.studio.controls import NUMBER_SEEN, Controls, Grey, card, chart, draw, html, text_input
 from heatertune.studio.live_log import LiveLog, RecordingRequest
 from heatertune.studio.loop_settings import DRAWN, LoopView

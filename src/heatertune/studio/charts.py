@@ -17,6 +17,7 @@ from heatertune.heater.exact import since_step
 from heatertune.log.log_values import Log
 from heatertune.model.model_values import FittedModel, HeaterModel
 from heatertune.pid.search.robust import interval_ends
+from heatertune.proof.as_left import AsLeft
 from heatertune.report.html import text_of
 from heatertune.report.plots import LOOK
 from heatertune.studio.live_log import RecordedTrace
@@ -24,8 +25,8 @@ from heatertune.studio.loop_settings import LoopView
 from heatertune.studio.proof_picture import Line, Picture, course_of, downsample, parts_of, step_corners, straight
 from heatertune.studio.session import PinnedDesign
 
-__all__ = ["DRAGGED", "Options", "heater_chart", "key_of", "line_chart", "line_series", "live_charts", "log_chart",
-           "loop_chart", "preview", "zooms"]
+__all__ = ["DRAGGED", "Options", "heater_chart", "key_of", "left_chart", "line_chart", "line_series", "live_charts",
+           "log_chart", "loop_chart", "preview", "zooms"]
 
 Options = dict[str, Any]
 
@@ -150,6 +151,43 @@ def _with_gaps(line: Options, part: Array) -> Options:
     for place in reversed(np.flatnonzero(np.diff(part)) + 1):
         data.insert(int(place), [None, None])
     return line | {"connectNulls": False}
+
+
+def left_chart(left: AsLeft) -> Options:
+    """Return the trace over the band of the proven runs, what is outside of it shaded."""
+    low, high, log = {"color": _CROWD, "width": 0.7}, left.high_degC, LOOK["log"]
+    width = [top - bottom for bottom, top in zip(left.low_degC, high, strict=True)]
+    stacked = {"stack": "band", "stackStrategy": "all", "lineStyle": {"opacity": 0.0}, "tooltip": {"show": False}}
+    mark_line = {"silent": True, "symbol": "none", "lineStyle": {"color": LOOK["limit"]["color"]}, "data": [
+        {"yAxis": left.setpoint_degC, "label": {"formatter": "setpoint", "position": "insideStartTop", "color": _INK}}]}
+    shaded = {"silent": True, "itemStyle": {"color": _WALL}, "data": [
+        [{"xAxis": stretch.begin_s}, {"xAxis": stretch.end_s}] for stretch in left.outside]}
+    text = {"color": _INK, "fontSize": 12}
+    ends = text | {"showMinLabel": False, "showMaxLabel": False}
+    axis = {"type": "value", "nameTextStyle": text, "axisLabel": ends, "splitLine": {"lineStyle": {"color": "#dddddd"}}}
+    return {
+        "animation": False, "grid": {"left": 52, "right": 20, "top": 30, "bottom": 42},
+        "tooltip": {"trigger": "axis", "confine": True, ":valueFormatter": "v => v.toFixed(1) + ' °C'"},
+        "xAxis": axis | {"name": "time since the setpoint change [s]", "nameLocation": "middle", "nameGap": 26,
+                         "min": "dataMin", "max": "dataMax", "axisLine": {"onZero": False}},
+        "yAxis": axis | {"name": "temperature [°C]", "scale": True, "axisLine": {"onZero": False},
+                         "nameTextStyle": text | {"align": "left", "padding": [0, 0, 0, -40]}},
+        "series": [
+            _left_line("", left.band_s, left.low_degC, stacked),
+            _left_line("", left.band_s, width, stacked | {"areaStyle": {"color": _CROWD, "opacity": 0.35}}),
+            _left_line("lowest of the proven runs", left.band_s, left.low_degC, {"lineStyle": low}),
+            _left_line("highest of the proven runs", left.band_s, high, {"lineStyle": low}),
+            _left_line("measured", left.time_s, left.temperature_degC, {
+                "lineStyle": {"color": log["color"], "width": 1.4}, "itemStyle": {"color": log["color"]}, "z": 3,
+                "markLine": mark_line, "markArea": shaded}),
+        ],
+    }
+
+
+def _left_line(name: str, time_s: Sequence[float], values: Sequence[float], document: Options) -> Options:
+    points = [list(point) for point in zip(time_s, values, strict=True)]
+    look = {"type": "line", "showSymbol": False, "itemStyle": {"color": _CROWD}}
+    return {**look, "name": name, "data": points, **document}
 
 
 def heater_chart(fitted: FittedModel) -> Options:
