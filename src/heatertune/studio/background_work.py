@@ -142,7 +142,7 @@ _SEEK_S: Final = 1.0  # who looks at a FAIL for so long may want to know what wo
 _TICK_S: Final = 0.2  # between two looks at how far something is, each of which a browser draws
 _LIVE_S: Final = 0.5  # between two pictures of a loop that is being recorded
 
-_NICER: Final = 5  # by so much proofs give way
+_NICER: Final = 10  # by so much proofs give way
 
 _log: Final = logging.getLogger(__name__)
 
