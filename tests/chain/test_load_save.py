@@ -96,7 +96,7 @@ def test_values_are_tables_of_pandas(values):
 def test_a_value_is_shown_in_one_line_and_its_summary_begins_with_the_point(values):
     for value in (*values.values(), values["proof"].trace(0)):
         assert "\n" not in repr(value)
-    for name, most in (("log", 200), ("model", 200), ("design", 120), ("proof", 120)):
+    for name, most in (("log", 200), ("model", 200), ("design", 120), ("words", 120), ("proof", 120)):
         assert len(repr(values[name])) < most
     assert repr(values["proof"]).startswith(f"<Proof {values['proof'].verdict} of s5-ob251 at")
     assert values["model"].summary().splitlines()[0] == repr(values["model"])

@@ -73,10 +73,10 @@ def test_no_verdict_is_shown_beside_settings_it_was_not_found_for(work):
 
 
 def test_a_slider_that_moves_on_shows_the_loops_on_its_way_each_before_what_is_told_of_it(work, monkeypatch):
-    def look_and_move(fitted, settings, gains):
+    def look_and_move(fitted, settings, gains, *, whole=True):
         if settings.ms != 1.7:
             loops.call_soon_threadsafe(lambda: work.move(ms=round(settings.ms + 0.1, 1)))
-        return loop.first_look(fitted, settings, gains)
+        return loop.first_look(fitted, settings, gains, whole=whole)
 
     async def story():
         nonlocal loops
@@ -91,6 +91,29 @@ def test_a_slider_that_moves_on_shows_the_loops_on_its_way_each_before_what_is_t
     assert [ms for ms, _ in window.drawn] == [1.5, 1.6, 1.7]
     told = next(place for place, state in enumerate(window.seen) if state[:2] == (1.7, "PASS"))
     assert window.drawn[-1][1] <= told, "drawn first"
+
+
+def test_of_a_long_test_sequence_the_opening_is_drawn_first_and_is_what_the_whole_of_it_begins_with(work, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(loop, "_QUICK_SCANS", 1000)
+    monkeypatch.setattr(Window, "show_loop", lambda _, look: drawn.append(look))
+
+    async def story():
+        Window(work)
+        work.move(ms=1.5)
+        await work.look()
+
+    asyncio.run(story())
+    opening, whole, *_ = drawn
+    assert [opening.is_opening, whole.is_opening] == [True, False]
+    assert opening.gains is whole.gains
+    short, long = opening.proof.nominal, whole.proof.nominal
+    assert long.time_s[-1] > 5.0 * short.time_s[-1]
+    heated = short.time_s < short.scenario.disturbances[0].time_s
+    assert heated.sum() > 100
+    for name in ("temperature_degC", "power_asked_pct"):
+        at = getattr(short, name)[heated], getattr(long, name)[:len(heated)][heated]
+        assert at[0] == pytest.approx(at[1], rel=1e-12), "but for the last digit, as marks cut its steps elsewhere"
 
 
 def test_a_proof_that_nobody_waits_for_ends_with_the_move_and_not_with_the_next_tick(work, monkeypatch):
@@ -212,7 +235,7 @@ def test_a_window_that_is_opened_in_the_middle_of_a_fit_sees_how_far_it_is_and_b
 
 @pytest.mark.parametrize("broken", ["first_look", "full_proof", "fit_log"])
 def test_a_fault_inside_is_told_in_one_sentence_and_logged_and_ends_no_window(work, step_log, monkeypatch, caplog, broken):
-    def fail(*_):
+    def fail(*_, **__):
         raise ZeroDivisionError("of all things")
 
     monkeypatch.setattr(module, broken, fail)

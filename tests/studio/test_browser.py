@@ -246,11 +246,25 @@ def _typed(page, field, text):
                            arg=[field, text.replace(",", ".")])
 
 
+#: draws the chart right after its sketch; where both have the lines of the loop goes to `window.lines`, in pixels
+BOTH_DRAWN = """() => { const sketch = studio.sketch.bind(studio); studio.sketch = (id, options) => {
+  const boxes = () => [...document.querySelectorAll(`.loop-chart path[stroke="${options.series[0].lineStyle.color}"]`)]
+    .map(path => path.getBoundingClientRect()).map(box => [box.left, box.top, box.right, box.bottom].map(Math.round))
+    .sort((a, b) => b[2] - b[0] - a[2] + a[0]).slice(0, 2).sort((a, b) => a[1] - b[1]);  // the widest two, from above
+  const same = structuredClone(options); sketch(id, options);
+  const chart = document.querySelector('.loop-chart > div:not(.sketch)'); chart.style.display = 'none';
+  const sketched = boxes(); chart.style.display = ''; studio.draw(id, same);
+  window.lines = [sketched, boxes()]; }; }"""
+
+
 def _slide(page):
+    page.evaluate(BOTH_DRAWN)
     slider = page.get_by_role("slider", name="Calm to brisk: largest sensitivity Ms")
     slider.focus()
     page.keyboard.press("ArrowLeft")
     page.wait_for_function("document.querySelector('input[data-field=ms]').getAttribute('aria-valuetext') == 'Ms 1.55'")
+    sketched, charted = page.wait_for_function("window.lines").json_value()
+    assert np.abs(np.array(sketched) - charted).max() <= 2, "temperature and power of the sketch are the chart's"
     page.wait_for_function(PROVEN, timeout=60_000)
 
 

@@ -9,7 +9,8 @@ from heatertune import report
 from heatertune.log.log_values import Log
 from heatertune.settings import AsLeftSettings
 from heatertune.studio import background_work as downloads
-from heatertune.studio.background_work import figures, left_chart, left_sentence
+from heatertune.studio.background_work import figures, left_sentence
+from heatertune.studio.charts import left_chart
 from heatertune.studio.sheet_card import DroppedFile, change_sheet, sheet
 from heatertune.studio.wording import for_page
 

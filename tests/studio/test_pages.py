@@ -37,7 +37,7 @@ def drawn(client):
     """Return the options of the loop's chart, of each time it was drawn."""
     codes = [data["code"] for _, kind, data in client.outbox.messages if kind == "run_javascript"]
     return [json.loads(code.split(", ", 1)[1][:-1]) for code in codes
-            if code.startswith("studio.draw") and '"requested power' in code]
+            if code.startswith(("studio.draw", "studio.sketch")) and '"requested power' in code]
 
 
 @pytest.fixture
@@ -79,7 +79,8 @@ def test_a_page_follows_from_the_first_socket_to_the_last_and_again_when_it_come
     assert faults == []
 
 
-def test_no_task_draws_into_a_page_that_is_gone(work, faults, monkeypatch):
+@pytest.mark.parametrize("says_so", [True, False])
+def test_no_task_draws_into_a_page_that_is_gone(work, faults, monkeypatch, says_so):
     release, begun = threading.Event(), threading.Event()
     monkeypatch.setattr(module, "_REST_S", 0.0)
 
@@ -95,7 +96,10 @@ def test_no_task_draws_into_a_page_that_is_gone(work, faults, monkeypatch):
         page, client = opened(work)
         connect(client)
         await asyncio.to_thread(begun.wait, 60.0)
-        disconnect(client)
+        if says_so:
+            disconnect(client)
+        else:
+            client.delete_handlers.clear()
         client.delete()
         del client
         gc.collect()

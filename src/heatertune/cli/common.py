@@ -166,6 +166,8 @@ class CommandParser(argparse.ArgumentParser):
         layer = "--help-all" if self._first and not {*flags} <= {*self._first} else "--help"
         if message.startswith("unrecognized arguments") and " -" not in message:
             message += "; write a list as one word, --zones a,b, and quote what has spaces"
+        if message.endswith("expected 2 arguments"):
+            message += f": two numbers, such as {flags[0]} 0 100"
         raise InputError(f"{message} (see: {self.prog} {layer})")
 
 

@@ -21,11 +21,12 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from heatertune.errors import LogError
+from heatertune.errors import LogError, did_you_mean
 from heatertune.log.formats import BINARY_FORMATS, TEXT_FORMATS
 from heatertune.log.formats.containers import decompress
 from heatertune.log.formats.format_table import FormatTable, NumberedLines
 from heatertune.log.formats.printer_logs import heater_names
+from heatertune.log.log_values import BUILT_IN
 from heatertune.log.quantities import (
     FORM_MARKS,
     is_number,
@@ -431,7 +432,8 @@ def _content(path: Path, content: bytes | None) -> bytes:
     except OSError as problem:
         if re.match(r"(https?|ftp|s3):/", str(path)):
             raise LogError("an address; expected a file: download it first", file=path) from problem
-        raise LogError(f"cannot be read: {problem.strerror}", file=path) from problem
+        near = did_you_mean(str(path), BUILT_IN) if isinstance(problem, FileNotFoundError) else ""
+        raise LogError(f"cannot be read: {problem.strerror}{near}", file=path) from problem
 
 
 def _text(path: Path, data: bytes, repairs: list[str]) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from importlib.resources import files
 from typing import Final
 
-from heatertune.errors import UnknownName
+from heatertune.errors import InputError, UnknownName
 
 __all__ = [
     "ALIKE", "COOLING", "FAITHFUL", "GROUPS", "NAMES", "REPAIRED", "SYNONYMS", "TARGETS", "Commissioning",
@@ -57,7 +57,13 @@ SYNONYMS: Final[dict[str, str]] = {
 
 
 def target_by_name(name: str) -> str:
-    """Return the target of a name in any case, or of what its hardware is called as well; others as they are."""
+    """Return the target of a name in any case, or of what its hardware is called as well; others as they are.
+
+    Raises:
+        InputError: no text.
+    """
+    if not isinstance(name, str):
+        raise InputError(f"target = {name!r}: expected the name of one controller, such as 's5-ob251'")
     plain = name.lower()
     return SYNONYMS.get(plain) or (plain if plain in NAMES else name)
 

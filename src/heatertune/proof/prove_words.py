@@ -42,6 +42,7 @@ from heatertune.proof.heaters import (
 from heatertune.proof.long_outage import BRIEF, JUDGED, wound
 from heatertune.proof.loop import MOST_SCANS
 from heatertune.proof.proof import Proof, RunResult, prove_models
+from heatertune.proof.scenario import opening
 from heatertune.proof.specification import Specification, specification_of
 from heatertune.proof.test_sequence import LoopTiming, SequencePlan, story_for
 from heatertune.proof.verdict import Acceptance, Coverage, FitDiagnostics, Interlock, Run
@@ -66,11 +67,13 @@ _OF_BAND: Final = 0.5
 #: times how far from the setpoint is still right: the least setpoint change that is judged by itself, so that half of
 #: it, its limit, is no less than what is right
 _IN_BANDS: Final = 2.0
+#: of each time at rest, in a first look that ends early
+_OPENING_RESTS: Final = 0.05
 
 
 @with_options(Conditions)
 def prove(
-    words: Words, fitted: FittedModel, conditions: Conditions | None = None, *, first_look: bool = False,
+    words: Words, fitted: FittedModel, conditions: Conditions | None = None, *, first_look: bool | int = False,
     only: Sequence[Run] | None = None, night: str | None = None, night_times: float = 1.0,
     progress: ProgressCallback = log_progress,
     **changed: Unpack[ConditionOptions],
@@ -84,7 +87,8 @@ def prove(
         words: what the PLC will hold.
         fitted: the heater and its candidates.
         conditions: what is assumed; None: the defaults.
-        first_look: only the nominal model under the default settings, in the same scenario; `export` refuses it.
+        first_look: only the nominal model under the default settings, in the same scenario; `export` refuses it. A
+            number: a test sequence of more scans ends after its first event, and rests less.
         only: only these runs, in the same scenario; `export` refuses it too.
         night: with `only`: the heat-up and one of `heatertune.proof.long_outage` alone, by its name, if the words have
             it.
@@ -121,9 +125,12 @@ def prove(
         stated_settings=assumptions.switches, open_points=not first_look, only=only, night=night,
         night_times=night_times, draws=not first_look and night is None,  # as in a whole proof: nights have one draw
         progress=progress, supplies=supplies)
+    scenario, most_s = course.scenario, first_look * controller_for(words.target).timing(words).scan_s
+    if first_look is not True and 0.0 < most_s < scenario.duration_s:
+        scenario = opening(scenario, _OPENING_RESTS)
     return prove_models(
-        controller_for(words.target), words, models[:1] if first_look else models, course.scenario,
-        actuator, acceptance, coverage, interlock=_interlock(assumptions, words))
+        controller_for(words.target), words, models[:1] if first_look else models, scenario, actuator,
+        acceptance, coverage, interlock=_interlock(assumptions, words))
 
 
 def _neighbours_not_tested(fitted: FittedModel) -> Iterator[str]:

@@ -26,7 +26,7 @@ from heatertune.units import check
 __all__ = [
     "LED", "REST_SHARE", "TO_SETPOINT", "Course", "Disturbance", "Load", "Mains", "NewSetpoint", "OutageLengths",
     "Phase", "PlcPower", "Scenario", "SetpointRampEvent", "TemperatureStep", "can_hold", "conditions", "delay_heater",
-    "event_name", "events_of", "heat_up", "heated_s", "kinds_of", "lengthen", "paper_scenario", "phases_of",
+    "event_name", "events_of", "heat_up", "heated_s", "kinds_of", "lengthen", "opening", "paper_scenario", "phases_of",
     "scenario_for", "temperatures", "way_back",
 ]
 
@@ -605,6 +605,18 @@ def heat_up(scenario: Scenario) -> Scenario:
     """Return only the heat-up of a test sequence."""
     end_s = next((event.time_s for event in scenario.disturbances), scenario.duration_s)
     return replace(scenario, disturbances=(), rests_s=scenario.rests_s[:1], duration_s=end_s)
+
+
+def opening(scenario: Scenario, rest_share: float) -> Scenario:
+    """Return heat-up and first event of a test sequence, each with a share of its time at rest; all without rests."""
+    if len(scenario.rests_s) < 2:
+        return scenario
+    first, *later = scenario.disturbances
+    ends, rests = [first.time_s, *(event.time_s for event in later[:1]), scenario.duration_s], scenario.rests_s[:2]
+    heated_s, recovered_s = (end - (1.0 - rest_share) * rest for end, rest in zip(ends, rests, strict=False))
+    return replace(
+        scenario, disturbances=(replace(first, time_s=heated_s),), duration_s=heated_s + recovered_s - first.time_s,
+        rests_s=tuple(rest_share * rest for rest in rests))
 
 
 def lengthen(scenario: Scenario, times: float) -> Scenario:

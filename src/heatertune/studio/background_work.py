@@ -9,10 +9,15 @@ from __future__ import annotations
 import asyncio
 import io
 import logging
+import os
+import sys
+import threading
 import time
 import zipfile
 from collections.abc import Callable, Coroutine, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from contextvars import copy_context
 from typing import Any, Final, Protocol
 
 from heatertune.chain.documents import words_document
@@ -28,10 +33,8 @@ from heatertune.proof.as_left import AsLeft, as_left
 from heatertune.proof.proof_document import ProofView
 from heatertune.report.as_left_section import judgement_text, measured_text, worst_text
 from heatertune.report.html import bullets, table, text_of
-from heatertune.report.plots import LOOK
 from heatertune.report.report_text import limit_text, readable_name
 from heatertune.settings import AsLeftSettings, FitSettings
-from heatertune.studio.charts import Options
 from heatertune.studio.live_log import LiveLog, RecordingRequest
 from heatertune.studio.loop_settings import (
     DRAWN,
@@ -51,7 +54,7 @@ from heatertune.studio.wording import fault_text, for_page
 from heatertune.studio.zones_design import DesignedZones, ZonesRequest, design_of, suitable_range, zones_found, zones_of
 
 __all__ = [
-    "Follower", "Work", "compare_with_proof", "export_zip", "figures", "left_chart", "left_sentence", "report_page",
+    "Follower", "Work", "compare_with_proof", "export_zip", "figures", "left_sentence", "report_page",
 ]
 
 
@@ -97,11 +100,6 @@ def report_page(standing: FrontDesign, files: Mapping[str, str | bytes]) -> str:
     return render(content | left)
 
 
-_INK: Final = "#1a1a1a"
-_BAND: Final = "#8c8c8c"
-_OUTSIDE: Final = "rgba(163, 60, 0, 0.13)"
-
-
 def compare_with_proof(standing: FrontDesign, log: Log, about: AsLeftSettings, progress: ProgressCallback) -> AsLeft:
     """Return a trace beside the proof of a design; errors as `heatertune.proof.as_left.as_left`."""
     proof = decode(ProofView, plain(document_of(standing.proof)), "the proof")
@@ -137,49 +135,14 @@ def _proven(line: Mapping[str, Any]) -> tuple[str, str, str]:
     return readable_name(line["name"]), limit_text(line), worst_text(line)
 
 
-def left_chart(left: AsLeft) -> Options:
-    """Return the trace over the band of the proven runs, what is outside of it shaded."""
-    low, high, log = {"color": _BAND, "width": 0.7}, left.high_degC, LOOK["log"]
-    width = [top - bottom for bottom, top in zip(left.low_degC, high, strict=True)]
-    stacked = {"stack": "band", "stackStrategy": "all", "lineStyle": {"opacity": 0.0}, "tooltip": {"show": False}}
-    mark_line = {"silent": True, "symbol": "none", "lineStyle": {"color": LOOK["limit"]["color"]}, "data": [
-        {"yAxis": left.setpoint_degC, "label": {"formatter": "setpoint", "position": "insideStartTop", "color": _INK}}]}
-    shaded = {"silent": True, "itemStyle": {"color": _OUTSIDE}, "data": [
-        [{"xAxis": stretch.begin_s}, {"xAxis": stretch.end_s}] for stretch in left.outside]}
-    text = {"color": _INK, "fontSize": 12}
-    ends = text | {"showMinLabel": False, "showMaxLabel": False}
-    axis = {"type": "value", "nameTextStyle": text, "axisLabel": ends, "splitLine": {"lineStyle": {"color": "#dddddd"}}}
-    return {
-        "animation": False, "grid": {"left": 52, "right": 20, "top": 30, "bottom": 42},
-        "tooltip": {"trigger": "axis", "confine": True, ":valueFormatter": "v => v.toFixed(1) + ' °C'"},
-        "xAxis": axis | {"name": "time since the setpoint change [s]", "nameLocation": "middle", "nameGap": 26,
-                         "min": "dataMin", "max": "dataMax", "axisLine": {"onZero": False}},
-        "yAxis": axis | {"name": "temperature [°C]", "scale": True, "axisLine": {"onZero": False},
-                         "nameTextStyle": text | {"align": "left", "padding": [0, 0, 0, -40]}},
-        "series": [
-            _line("", left.band_s, left.low_degC, stacked),
-            _line("", left.band_s, width, stacked | {"areaStyle": {"color": _BAND, "opacity": 0.35}}),
-            _line("lowest of the proven runs", left.band_s, left.low_degC, {"lineStyle": low}),
-            _line("highest of the proven runs", left.band_s, high, {"lineStyle": low}),
-            _line("measured", left.time_s, left.temperature_degC, {
-                "lineStyle": {"color": log["color"], "width": 1.4}, "itemStyle": {"color": log["color"]}, "z": 3,
-                "markLine": mark_line, "markArea": shaded}),
-        ],
-    }
-
-
-def _line(name: str, time_s: Sequence[float], values: Sequence[float], document: Mapping[str, Any]) -> dict[str, Any]:
-    points = [list(point) for point in zip(time_s, values, strict=True)]
-    look = {"type": "line", "showSymbol": False, "itemStyle": {"color": _BAND}}
-    return {**look, "name": name, "data": points, **document}
-
-
 _FRAME_S: Final = 0.03  # in which a browser draws the loop before more is sent
 _REST_S: Final = 0.15  # a slider that moves on within this time wants no proof yet
 _SLOW_S: Final = 2.0  # a compiled loop takes less
 _SEEK_S: Final = 1.0  # who looks at a FAIL for so long may want to know what would pass
 _TICK_S: Final = 0.2  # between two looks at how far something is, each of which a browser draws
 _LIVE_S: Final = 0.5  # between two pictures of a loop that is being recorded
+
+_NICER: Final = 10  # by so much proofs give way
 
 _log: Final = logging.getLogger(__name__)
 
@@ -213,6 +176,20 @@ def _note_end(task: asyncio.Task[Any]) -> None:
         task.exception()
 
 
+def _give_way() -> None:
+    """Let this thread, and those that it begins, give way to what the page waits for."""
+    if sys.platform == "linux":  # elsewhere threads have no priority of their own
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICER)
+
+
+_BEHIND: Final = ThreadPoolExecutor(8, "behind", _give_way)
+
+
+async def _behind(work: Callable[..., Any], *arguments: Any) -> Any:
+    """Return what a function gives in a thread that gives way to the page."""
+    return await asyncio.get_running_loop().run_in_executor(_BEHIND, copy_context().run, work, *arguments)
+
+
 class Work:
     """The work of a session.
 
@@ -244,6 +221,7 @@ class Work:
         self._recording: asyncio.Task[None] | None = None
         self._pages: list[Follower] = []
         self._fitting = self._looking = self._proving = self._seeking = self._drawing = False
+        self._drawn_first: LoopView | None = None
         self._moved_at = 0.0
         self._moved = asyncio.Event()
         self._held = 0
@@ -342,23 +320,51 @@ class Work:
         try:
             while not session.show_remembered():
                 ticket, fitted, settings, gains = session.ticket, session.fitted, session.settings, session.gains()
+                key = session.key
                 try:
-                    look = await self._slowly(asyncio.to_thread(first_look, fitted, settings, gains), settings.target)
+                    opening = asyncio.to_thread(first_look, fitted, settings, gains, whole=False)
+                    look = await self._whole(key, fitted, await self._slowly(opening, settings.target))
                 except Exception as problem:
                     if session.look_refused(ticket, self._kind(problem)):
                         break
                     continue
+                if look is None:
+                    continue
                 session.look_done(ticket, look)
-                self._show_on_pages(lambda page: page.show_loop(look))  # noqa: B023 - called at once
-                await asyncio.sleep(_FRAME_S)
+                await self._show_first(look)
                 self._show_on_pages(lambda page: page.show_progress())
                 if ticket == session.ticket:
                     await asyncio.to_thread(getattr, look, "margins")  # of the tables below the picture
+            await self._show_first(session.front)
         finally:
             self._looking = False
         self.tell()
         await self._prove()
         await self._seek()
+
+    async def _show_first(self, look: LoopView | None) -> None:
+        """Draw a loop on every page, unless it was drawn last, and give browsers time before more is sent."""
+        if look is None or look is self._drawn_first:
+            return
+        self._drawn_first = look
+        self._show_on_pages(lambda page: page.show_loop(look))
+        await asyncio.sleep(_FRAME_S)
+
+    async def _whole(self, key: Ticket, fitted: FittedModel, look: LoopView) -> LoopView | None:
+        """Return a loop, of an opening, which is shown, the whole of it once sliders rest; None: they moved on."""
+        if not look.is_opening:
+            return look
+        await self._show_first(look)
+        task: asyncio.Task[LoopView] | None = None
+        while task is None or not task.done():
+            self._moved.clear()
+            if self.session.key != key:
+                return None
+            if task is None and time.monotonic() >= self._moved_at + _REST_S:
+                task = asyncio.create_task(_behind(first_look, fitted, look.settings, look.gains))
+                task.add_done_callback(_note_end)
+            await self._move_or_tick(task)
+        return task.result()
 
     async def _slowly(self, work: Coroutine[Any, Any, LoopView], target: str) -> LoopView:
         """Return the loop of a controller; where its code is not compiled yet, say why the page waits."""
@@ -630,7 +636,7 @@ class Work:
             with interruptible(check):
                 return run(tell)
 
-        task = asyncio.create_task(asyncio.to_thread(work))
+        task = asyncio.create_task(_behind(work))
         task.add_done_callback(_note_end)
         while not task.done():
             self._moved.clear()
@@ -648,10 +654,11 @@ class Work:
         self._show_on_pages(lambda page: page.show_progress())
         return task.result()
 
-    async def _move_or_tick(self, task: asyncio.Task[Any]) -> None:
+    async def _move_or_tick(self, task: asyncio.Task[Any] | None) -> None:
         """Wait for the end of a task, a move or a tick, whatever comes first."""
         moved = asyncio.create_task(self._moved.wait())
-        await asyncio.wait([task, moved], timeout=_TICK_S, return_when=asyncio.FIRST_COMPLETED)
+        await asyncio.wait([moved] if task is None else [task, moved], timeout=_TICK_S,
+                           return_when=asyncio.FIRST_COMPLETED)
         moved.cancel()
 
     def _kind(self, problem: Exception) -> Exception:

@@ -26,8 +26,8 @@ from heatertune.report.html import text_of
 from heatertune.report.report_text import samples_rows
 from heatertune.studio import charts, views
 from heatertune.studio.access import LARGEST_LOG
-from heatertune.studio.background_work import Work, figures, left_chart, left_sentence
-from heatertune.studio.charts import live_charts
+from heatertune.studio.background_work import Work, figures, left_sentence
+from heatertune.studio.charts import left_chart, live_charts
 from heatertune.studio.controls import NUMBER_SEEN, Controls, Grey, card, chart, draw, html, text_input
 from heatertune.studio.live_log import LiveLog, RecordingRequest
 from heatertune.studio.loop_settings import DRAWN, LoopView
@@ -160,12 +160,11 @@ class LoopCard:
             return
         verdict_alone = self._shown[:1] + self._shown[2:] == shows[:1] + shows[2:]
         self._shown = shows
-        entry = None if proof is None else _pictures.get(id(proof))
-        picture = entry[1] if entry else _first_picture(look.proof)
+        picture = _first_picture(look.proof)
         if not (verdict_alone and picture is self._picture):
-            self._draw(look, picture, pinned, coarse=entry is None)
+            self._draw(look, picture, pinned, coarse=True)
         self._untold = partial(self._tell, look, proof, picture, pinned)
-        if entry is None:
+        if not look.is_opening:  # else the whole of it follows
             background_tasks.create(self._refine(shows, look, proof, pinned))
 
     def tell(self) -> None:
@@ -179,7 +178,10 @@ class LoopCard:
 
     def shows(self, proof: Proof) -> bool:
         """Return whether this is the proof that is seen."""
-        return len(self._shown) > 1 and self._shown[1] is proof
+        return len(self._shown) > 1 and self._shown[1] is proof and not self._chart.is_deleted
+
+    def _still_shows(self, shown: tuple[object, ...]) -> bool:
+        return self._shown is shown and not self._chart.is_deleted
 
     async def _refine(
         self, shown: tuple[object, ...], look: LoopView, proof: Proof | None, pinned: Sequence[PinnedDesign]
@@ -188,11 +190,11 @@ class LoopCard:
         await asyncio.sleep(_REST_S)
         if self._coarse and self._picture is not None:
             await self._show_picture(shown, look, proof, self._picture, pinned)
-        if proof is None or self._shown is not shown:
+        if proof is None or not self._still_shows(shown):
             return
         if proof.verdict == "FAIL":  # before the others
             await self._show_picture(shown, look, proof, await asyncio.to_thread(_failing_run, proof), pinned)
-        while self._shown is shown:
+        while self._still_shows(shown):
             with suppress(_WindowGone):  # and wanted again meanwhile
                 await self._show_picture(shown, look, proof, await _picture_with_all_runs(proof), pinned)
                 return
@@ -202,9 +204,9 @@ class LoopCard:
         pinned: Sequence[PinnedDesign],
     ) -> None:
         """Draw a picture finely, and tell what is in it, if its loop is still the one that is seen."""
-        if self._shown is shown:
+        if self._still_shows(shown):
             await asyncio.to_thread(_loop_chart, look, picture, tuple(pinned), coarse=False)  # the wish is run, too
-        if self._shown is shown:
+        if self._still_shows(shown):
             self._draw(look, picture, pinned)
             self._tell(look, proof, picture, pinned)
 
@@ -212,7 +214,7 @@ class LoopCard:
         self, look: LoopView, picture: Picture, pinned: Sequence[PinnedDesign], *, coarse: bool = False
     ) -> None:
         self._picture, self._coarse = picture, coarse
-        draw(self._chart, _loop_chart(look, picture, tuple(pinned), coarse=coarse))
+        draw(self._chart, _loop_chart(look, picture, tuple(pinned), coarse=coarse), sketch=coarse)
 
     def _tell(self, look: LoopView, proof: Proof | None, picture: Picture, pinned: Sequence[PinnedDesign]) -> None:
         self._sentence.set_text(views.sentence(proof or look.proof, look.settings.switch_kind))

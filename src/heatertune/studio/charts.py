@@ -17,6 +17,7 @@ from heatertune.heater.exact import since_step
 from heatertune.log.log_values import Log
 from heatertune.model.model_values import FittedModel, HeaterModel
 from heatertune.pid.search.robust import interval_ends
+from heatertune.proof.as_left import AsLeft
 from heatertune.report.html import text_of
 from heatertune.report.plots import LOOK
 from heatertune.studio.live_log import RecordedTrace
@@ -24,8 +25,8 @@ from heatertune.studio.loop_settings import LoopView
 from heatertune.studio.proof_picture import Line, Picture, course_of, downsample, parts_of, step_corners, straight
 from heatertune.studio.session import PinnedDesign
 
-__all__ = ["DRAGGED", "Options", "heater_chart", "key_of", "line_chart", "line_series", "live_charts", "log_chart",
-           "loop_chart", "preview", "zooms"]
+__all__ = ["DRAGGED", "Options", "heater_chart", "key_of", "left_chart", "line_chart", "line_series", "live_charts",
+           "log_chart", "loop_chart", "preview", "zooms"]
 
 Options = dict[str, Any]
 
@@ -48,6 +49,8 @@ _POINTED_AT: Final = """found => { const x = found[0].axisValue, instant = %s;
   const seen = chart.chart.getOption().series.filter(s => s.data.length && !(s.tooltip && s.tooltip.show === false));
   const rows = seen.map(s => `${s.name}: <b>${at(s.data).toFixed(1)} ${s.yAxisIndex ? "%%" : "°C"}</b>`);
   return [`${instant(x)} s`, ...rows].join("<br>"); }"""
+#: what a picture says that does not show all of a test sequence yet
+OPENING: Final = "heat-up and first event alone, less time at rest; the whole test sequence follows"
 _BAND: Final = 1.96  # of a normal distribution, 95 %
 _FAILING_PX: Final = 2.6  # width of the line of the run that breaks a limit
 _APART: Final = 0.06  # of the axis: room for a number of two digits in a picture of a telephone
@@ -150,6 +153,43 @@ def _with_gaps(line: Options, part: Array) -> Options:
     return line | {"connectNulls": False}
 
 
+def left_chart(left: AsLeft) -> Options:
+    """Return the trace over the band of the proven runs, what is outside of it shaded."""
+    low, high, log = {"color": _CROWD, "width": 0.7}, left.high_degC, LOOK["log"]
+    width = [top - bottom for bottom, top in zip(left.low_degC, high, strict=True)]
+    stacked = {"stack": "band", "stackStrategy": "all", "lineStyle": {"opacity": 0.0}, "tooltip": {"show": False}}
+    mark_line = {"silent": True, "symbol": "none", "lineStyle": {"color": LOOK["limit"]["color"]}, "data": [
+        {"yAxis": left.setpoint_degC, "label": {"formatter": "setpoint", "position": "insideStartTop", "color": _INK}}]}
+    shaded = {"silent": True, "itemStyle": {"color": _WALL}, "data": [
+        [{"xAxis": stretch.begin_s}, {"xAxis": stretch.end_s}] for stretch in left.outside]}
+    text = {"color": _INK, "fontSize": 12}
+    ends = text | {"showMinLabel": False, "showMaxLabel": False}
+    axis = {"type": "value", "nameTextStyle": text, "axisLabel": ends, "splitLine": {"lineStyle": {"color": "#dddddd"}}}
+    return {
+        "animation": False, "grid": {"left": 52, "right": 20, "top": 30, "bottom": 42},
+        "tooltip": {"trigger": "axis", "confine": True, ":valueFormatter": "v => v.toFixed(1) + ' °C'"},
+        "xAxis": axis | {"name": "time since the setpoint change [s]", "nameLocation": "middle", "nameGap": 26,
+                         "min": "dataMin", "max": "dataMax", "axisLine": {"onZero": False}},
+        "yAxis": axis | {"name": "temperature [°C]", "scale": True, "axisLine": {"onZero": False},
+                         "nameTextStyle": text | {"align": "left", "padding": [0, 0, 0, -40]}},
+        "series": [
+            _left_line("", left.band_s, left.low_degC, stacked),
+            _left_line("", left.band_s, width, stacked | {"areaStyle": {"color": _CROWD, "opacity": 0.35}}),
+            _left_line("lowest of the proven runs", left.band_s, left.low_degC, {"lineStyle": low}),
+            _left_line("highest of the proven runs", left.band_s, high, {"lineStyle": low}),
+            _left_line("measured", left.time_s, left.temperature_degC, {
+                "lineStyle": {"color": log["color"], "width": 1.4}, "itemStyle": {"color": log["color"]}, "z": 3,
+                "markLine": mark_line, "markArea": shaded}),
+        ],
+    }
+
+
+def _left_line(name: str, time_s: Sequence[float], values: Sequence[float], document: Options) -> Options:
+    points = [list(point) for point in zip(time_s, values, strict=True)]
+    look = {"type": "line", "showSymbol": False, "itemStyle": {"color": _CROWD}}
+    return {**look, "name": name, "data": points, **document}
+
+
 def heater_chart(fitted: FittedModel) -> Options:
     """Return what 10 % more power does on the working model, and between which curves the log leaves it open."""
     models = (fitted.model, *fitted.plants, *interval_ends(fitted))
@@ -226,6 +266,8 @@ def loop_chart(
     options["yAxis"][0] |= {"min": round(low - room, 1), "max": round(high + room, 1)}
     if nominal.actuator.cooling_gain is not None:
         options["yAxis"][1] |= {"min": -100, "interval": 100}
+    if look.is_opening:  # a sketch shows it, the chart that follows bears all
+        options["title"] = {"text": OPENING}
     return options
 
 

@@ -208,6 +208,7 @@ class LoopView:
         realised: the design as the words realise it; None where the controller is no PID.
         plants: heaters for which `margins` are.
         proof: on the nominal heater under default settings of the switches: no verdict on the words.
+        is_opening: whether its test sequence takes long and ends after its first event.
     """
 
     settings: StudioSettings
@@ -215,6 +216,7 @@ class LoopView:
     realised: PidDesign | None
     plants: tuple[HeaterModel, ...]
     proof: Proof
+    is_opening: bool = False
 
     @cached_property
     def wish(self) -> Trace | None:
@@ -249,17 +251,31 @@ class DesignOutcome:
     gains: CandidateWords
 
 
-def first_look(fitted: FittedModel, settings: StudioSettings, gains: CandidateWords | None = None) -> LoopView:
+#: scans of a test sequence that run while a slider moves (30 ms); of a longer one its opening alone
+_QUICK_SCANS: Final = 50_000
+
+
+def first_look(
+    fitted: FittedModel, settings: StudioSettings, gains: CandidateWords | None = None, *, whole: bool = True,
+) -> LoopView:
     """Return the loop on the nominal heater; quick gains where none are given.
+
+    Args:
+        fitted: the heater.
+        settings: what is asked for.
+        gains: design and words.
+        whole: False: of a test sequence that takes long its opening, heat-up and first event, is enough.
 
     Raises:
         NotRepresentable: the design does not fit the words.
         OutOfRange, InputError: the heater cannot hold the setpoint, the sensor does not see it, …
     """
     gains = gains or _quick(fitted, settings)
-    proof = chain.prove(gains.words, fitted, gains.conditions or settings.conditions, first_look=True)
+    conditions = gains.conditions or settings.conditions
+    proof = chain.prove(gains.words, fitted, conditions, first_look=True if whole else _QUICK_SCANS)
     return LoopView(
-        settings=settings, gains=gains, realised=proof.design, proof=proof, plants=_plants(fitted, settings))
+        settings=settings, gains=gains, realised=proof.design, proof=proof, plants=_plants(fitted, settings),
+        is_opening=not whole and len(proof.scenario.rests_s) == 2)  # heat-up and one event
 
 
 def optimum(fitted: FittedModel, settings: StudioSettings, progress: ProgressCallback = str) -> CandidateWords:
