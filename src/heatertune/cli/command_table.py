@@ -45,7 +45,7 @@ COMMAND_MODULES: Final = {
     "advise": "cli.running_controller",
     "study": "batch.command",
     "fleet": "batch.command",
-    "health": "live.commands.health",
+    "health": "live.commands.record_watch",
     "report": "cli.export_verify",
     "decode": "cli.running_controller",
     "diff": "cli.running_controller",

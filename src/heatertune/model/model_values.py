@@ -274,13 +274,9 @@ class Validation:
 
 
 def disagreeing_parameters(halves: tuple[Half, Half], *, reaches: float = 1.0) -> tuple[str, ...]:
-    """Return the parameters whose two values differ significantly (95 %).
+    """Return the parameters whose two values differ significantly: at 95 %, or by so many times that interval.
 
     The variances of two independent estimates add up.
-
-    Args:
-        halves: of a log.
-        reaches: factor on the intervals, for another level of significance.
     """
     first, second = halves
     return tuple(

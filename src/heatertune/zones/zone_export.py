@@ -2,22 +2,30 @@
 
 The statements are those of the export of one heater. What belongs to one heater gets numbers and addresses of its own;
 for STEP 7, what OB 35 does for a heater becomes a function block that OB 35 calls for each zone.
+
+Decoupled zones read their neighbours' sensors at the instant of their own reading, in REALs and in the order of
+`heatertune.zones.joint_kernel.neighbours_pct`: of STEP 7 into DISV, in structured text around the block. A reading that
+tells of a broken sensor is left out.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Final, NamedTuple
 
 from heatertune.errors import ExportRefused, InputError
 from heatertune.plc import Certificate, controller_for
+from heatertune.plc.cpu.s7_300.program import LEAST
+from heatertune.plc.cpu.s7_300.source import real
+from heatertune.plc.inputs import FOUR_TO_TWENTY
 from heatertune.plc.s5_ob251.blocks import PERIOD_ENDS
 from heatertune.plc.s5_ob251.step import FULL_SCALE
-from heatertune.plc.st.program_text import comment
-from heatertune.zones.decoupled_programs import decoupled_cont_c, decoupled_text
+from heatertune.plc.single_precision import single
+from heatertune.plc.st.program_text import comment, literal
+from heatertune.zones.decoupling import decoupling_arrays, neighbours_in
 from heatertune.zones.joint_proof import JointProof
 
 __all__ = ["demand_pass", "export_zones", "text_of_zone"]
@@ -176,7 +184,7 @@ def _s7(
         if "FB 101" not in source:
             raise InputError("this PWM is left to a switch behind the analog output, which a program of zones does not "
                              "have: leave out --pwm-rule, or state a --pwm-period that OB 35 makes")
-        source = decoupled_cont_c(_s7_delayed(source, number, proof), number, proof)
+        source = _decoupled_cont_c(_s7_delayed(source, number, proof), number, proof)
         blocks = {match[2]: match[0] for match in _BLOCK.finditer(source)}
         heads += [f"// zone {number + 1} of {len(zones)}: {zone}", *(
             _s7_moved(line, number) for line in source.splitlines() if line.startswith("//"))]
@@ -291,7 +299,7 @@ def _st_delayed(source: str, number: int, proof: JointProof) -> str:
 
 def _st(zones: Sequence[str], parts: Sequence[Mapping[str, str | bytes]], proof: JointProof) -> dict[str, str | bytes]:
     """Return one source of structured text; a PLCopen project is that of one program."""
-    sources = [(zone, decoupled_text(_st_delayed(str(part["iec_pid.st"]), number, proof), number, proof))
+    sources = [(zone, _decoupled_text(_st_delayed(str(part["iec_pid.st"]), number, proof), number, proof))
                for number, (zone, part) in enumerate(zip(zones, parts, strict=True))]
     return {"iec_pid_zones.st": _st_source(sources)}
 
@@ -305,3 +313,93 @@ _MOVED: Final[dict[str, Callable[[str, int], str]]] = {
 def text_of_zone(target: str, text: str, number: int) -> str:
     """Return a text on one heater's program with the blocks, inputs and outputs of a zone; the first zone has 0."""
     return _MOVED[target](text, number) if target in _MOVED else text
+
+
+_DISV: Final = "DB41.DBD   68"
+_TICK: Final = 2  # bytes from the analog input of a zone to that of the next one
+
+
+def _decoupled_cont_c(source: str, number: int, proof: JointProof) -> str:
+    """Return a source of STEP 7 in which OB 35 writes DISV before it calls CONT_C; as it is without decoupling.
+
+    Args:
+        source: of one heater.
+        number: of the zone.
+        proof: of all zones together.
+    """
+    if proof.design.decoupling is None:
+        return source
+    body = "\n".join(_disv_statements(number, proof))
+    source = _once(r"(      CALL  FB 41 , DB 41 \(\n           COM_RST := FALSE,)", rf"{body}\n\1", source)
+    source = _once(r"(  manual : BOOL ;\n)", r"\1  near : INT ;\n", source)
+    remark = f"// {_remark(number, proof)}; put the addresses of their inputs in FB 102, too"
+    return _once(r"(// verdict of the proof)", rf"{remark}\n\1", source)
+
+
+def _disv_statements(number: int, proof: JointProof) -> Iterator[str]:
+    words = proof.words[number]
+    low = [f"      L     {LEAST};  // 3.6 mA", "      <I    ;"] if words.scaling.input == FOUR_TO_TWENTY else [
+        "      L     -32768;", "      ==I   ;"]
+    yield from (f"      L     {real(0.0)};", f"      T     {_DISV};  // power for the neighbours' temperatures")
+    for other, factor, reference in neighbours_in(decoupling_arrays(proof.design.decoupling, proof.words), number):
+        end, address = f"nb{other + 1}", 256 + _TICK * other
+        yield from (
+            f"      L     PIW{address:4d};  // zone {other + 1}", "      T     #near;", "      L     32767;",
+            "      ==I   ;", f"      JC    {end};", "      L     #near;", *low, f"      JC    {end};",
+            "      L     #near;", "      ITD   ;", "      DTR   ;", f"      L     {real(reference)};", "      -R    ;",
+            f"      L     {real(factor)};", "      *R    ;", f"      L     {_DISV};", "      +R    ;",
+            f"      T     {_DISV};", f"{end}:  NOP   0;")
+
+
+def _decoupled_text(source: str, number: int, proof: JointProof) -> str:
+    """Return a source of structured text that adds power around the block; as it is without decoupling.
+
+    Args:
+        source: of one heater.
+        number: of the zone.
+        proof: of all zones together.
+    """
+    if proof.design.decoupling is None:
+        return source
+    words, zones = proof.words[number], proof.fitted.network.zones
+    low, high = (literal(single(end)) for end in words.scaling.sensor_degC)
+    variables, sums = "", "HeaterAdded := 0.0; (* for the temperatures of the neighbours whose sensors are well *)\n"
+    for other, factor, reference in neighbours_in(decoupling_arrays(proof.design.decoupling, proof.words), number):
+        name = f"HeaterZone{other + 1}"
+        variables += (f"  {name} : REAL := {literal(reference)}; (* degC, temperature of zone {zones[other]}, from its "
+                      f"input module *)\n  {name}Good : BOOL := FALSE; (* its sensor is well *)\n")
+        sums += (f"IF {name}Good AND {name} >= {low} AND {name} <= {high} THEN\n"
+                 f"  HeaterAdded := HeaterAdded + ({name} - ({literal(reference)})) * ({literal(factor)});\nEND_IF;\n")
+    variables += "  HeaterAdded : REAL := 0.0; (* power for the neighbours' temperatures, % *)\n"
+    sums = re.sub("^", "  ", sums, flags=re.MULTILINE).rstrip(" ")
+    for pattern, changed in (
+            (r"(  HeaterPid : HT_IEC_PID;\n)", rf"{variables}\1"),
+            (r"(  HeaterPid\(\n)", rf"{sums}\1"),
+            (r"X0 := HandPower", "X0 := HandPower - HeaterAdded"),
+            (r"XMIN := (.+),", r"XMIN := \1 - HeaterAdded,"), (r"XMAX := (.+),", r"XMAX := \1 - HeaterAdded,"),
+            (r"HeaterPower := HeaterPid.XOUT;", "HeaterPower := HeaterPid.XOUT + HeaterAdded;"),
+            (r"(\(\* verdict of the proof)", rf"(* {_remark(number, proof)} *)\n\1"),
+            (r"(PROGRAM Heater)", rf"(*   {_TEXT_STEP} *)\n\1")):
+        source = _once(pattern, changed, source)
+    return source
+
+
+_TEXT_STEP: Final = ("wire HeaterZone1, HeaterZone2 ... to the temperatures of these zones, read in the same scan; "
+                     "HeaterZone1Good ... must fall when that sensor breaks")
+
+
+def _remark(number: int, proof: JointProof) -> str:
+    """Return what the program adds, a line."""
+    decoupling, zones = proof.design.decoupling, proof.fitted.network.zones
+    assert decoupling is not None
+    parts = [f"{factor:+.4g} % per degC of zone {zones[other]} above {decoupling.references_degC[other]:g} degC"
+             for other, factor in enumerate(decoupling.pct_per_degC[number]) if factor != 0.0]
+    return f"decoupled: {', '.join(parts) or 'nothing'}"
+
+
+def _once(pattern: str, changed: str, text: str) -> str:
+    text, count = re.subn(pattern, changed, text)
+    if count != 1:
+        raise InputError("the program of this controller has no place for decoupling: leave out --decouple, and "
+                         "--pwm-rule and --pwm-period where they are stated")
+    return text
