@@ -7,7 +7,8 @@ from tests.model.twins import doublet, logged
 
 from heatertune.log.log_values import Log
 from heatertune.model.fit import fit
-from heatertune.model.power.fit_power import interval_widening, widening_notes
+from heatertune.model.power.fit_checks import widening_notes
+from heatertune.model.power.fit_power import interval_widening
 from heatertune.model.power.open_loop import PowerProblem
 from heatertune.model.power.regressors import Readings
 from heatertune.model.statistics import RATIO

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Rival", "candidates_of", "family_of", "lies_inside", "open_ends", "rivals_of", "second_is_seen",
-    "widen_intervals",
+    "starts_alike", "widen_intervals",
 ]
 
 
@@ -175,6 +175,21 @@ def _other_rest(log: Log, problem: PowerProblem, fit: PowerFit) -> Iterator[Riva
                 f"{_heater(refit.model)}. The readings before the first step do not decide, so both are candidates and "
                 "the intervals contain both; log more readings before the first step."
             ), of_start=True)
+
+
+def starts_alike(problem: PowerProblem, fit: PowerFit, start: Rival, ci95: Mapping[str, Interval]) -> bool:
+    """Return whether two lags with another start explain the log worse, or by a heater within the intervals.
+
+    Args:
+        problem: of two lags.
+        fit: of them.
+        start: a rival of one lag that begins otherwise.
+        ci95: of two lags by the half rule.
+    """
+    other = replace(start.problem, two_lags=True)
+    refit = min((other.fit(), other.refine(fit.vector[None, :])), key=lambda trial: bic_of(other, trial))
+    return (refit.model is None or bic_of(other, refit) > bic_of(problem, fit) + _NEAR
+            or lies_inside(refit.model.half_rule(), ci95))
 
 
 def _other_edges(log: Log, problem: PowerProblem, fit: PowerFit, dead: Interval | None) -> Iterator[Rival]:

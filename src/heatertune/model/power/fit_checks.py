@@ -7,7 +7,7 @@ several logs.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from statistics import NormalDist
@@ -30,7 +30,8 @@ from heatertune.units import NOMENCLATURE
 
 __all__ = [
     "Disagreement", "agreement_remarks", "check_fit", "checks_in_place", "correlation_of", "disagreements",
-    "fit_of_half", "half_of", "halves", "held_out", "judgement_remarks", "plain_halves", "predicts", "sides", "unseen",
+    "fit_of_half", "half_of", "halves", "halves_notes", "held_out", "judgement_remarks", "plain_halves", "predicts",
+    "sides", "unseen", "widening_notes",
 ]
 
 
@@ -363,3 +364,28 @@ def _value(clash: Disagreement, log: OneLog) -> str:
 
 def _end(value: float | None) -> str:
     return "open" if value is None else f"{value:.3g}"
+
+
+_TOLD = 1.1  # a smaller factor changes no decision
+_TWICE = 2.0  # two halves alone say about this much less than the whole
+
+
+def widening_notes(factors: Mapping[str, float]) -> tuple[str, ...]:
+    """Report which intervals were widened."""
+    widest = {name: factor for name, factor in factors.items() if factor > _TOLD and name != RATIO}
+    if not widest:
+        return ()
+    listed = ", ".join(f"{NOMENCLATURE[name][1]} {factor:.2g}-fold" for name, factor in widest.items())
+    return (f"Intervals were widened, {listed}: the halves of the log differ more than their noise explains.",)
+
+
+def halves_notes(before: Mapping[str, Interval], after: Mapping[str, Interval | None]) -> Iterator[str]:
+    """Report the intervals that were widened to contain the results of each half of the log."""
+    widest = [NOMENCLATURE[name][1] for name, end in before.items()
+              if (counterpart := after.get(name)) is not None and _width(counterpart) > _TWICE * _width(end)]
+    if widest:
+        yield f"Intervals hold what each half of the log says alone, and are wider for it: {', '.join(widest)}."
+
+
+def _width(interval: Interval) -> float:
+    return math.inf if interval.low is None or interval.high is None else interval.high - interval.low

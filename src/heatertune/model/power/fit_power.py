@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from statistics import NormalDist
 from typing import Final, NamedTuple
 
@@ -38,9 +37,9 @@ from heatertune.model.power.candidates import (
     Rival,
     candidates_of,
     family_of,
-    lies_inside,
     rivals_of,
     second_is_seen,
+    starts_alike,
     widen_intervals,
 )
 from heatertune.model.power.changed_heater import ChangePeriod, load_period
@@ -52,10 +51,12 @@ from heatertune.model.power.fit_checks import (
     correlation_of,
     fit_of_half,
     half_of,
+    halves_notes,
     judgement_remarks,
     plain_halves,
     predicts,
     sides,
+    widening_notes,
 )
 from heatertune.model.power.loss_fit import LossFit
 from heatertune.model.power.nonlinear import Bend, bend_remarks
@@ -67,6 +68,7 @@ from heatertune.model.power.uncertainty import (
     ParameterNoise,
     bounds_of,
     half_rule_by_draws,
+    hull_of_each,
     intervals_by,
     noise_of,
     squares_at,
@@ -83,12 +85,11 @@ from heatertune.model.statistics import (
     identified_parts,
     sensor_step,
 )
-from heatertune.units import NOMENCLATURE
 
 __all__ = [
-    "TWO_LAGS_SHOWN", "Contributions", "contributions_of", "fit_extended", "fit_power", "halves_notes",
-    "interval_widening", "limit_notes", "log_notes", "longest_hold_s", "notes_of", "outcome_of", "rival_notes",
-    "said_by_halves", "share_remarks", "values_at_ends", "values_of", "weigh_fit", "widening_notes",
+    "TWO_LAGS_SHOWN", "Contributions", "contributions_of", "fit_extended", "fit_power", "interval_widening",
+    "limit_notes", "log_notes", "longest_hold_s", "notes_of", "outcome_of", "rival_notes", "said_by_halves",
+    "share_remarks", "values_at_ends", "values_of", "weigh_fit",
 ]
 
 
@@ -374,8 +375,6 @@ def rival_notes(name: str, candidates: Sequence[Candidate]) -> tuple[str, ...]:
     return tuple(notes)
 
 
-_TOLD = 1.1  # a smaller factor changes no decision
-_TWICE = 2.0  # two halves alone say about this much less than the whole
 _MOST = 10.0  # a larger one is rounding: the log holds no noise
 _FOUR_OF_FIVE = NormalDist().inv_cdf(0.9) / NormalDist().inv_cdf(0.975)  # of the reach of a 95 % interval
 _SURE = 0.5  # of a 95 % limit of noise, beyond it: noise alone exceeds it so far once in 300 times
@@ -394,15 +393,6 @@ def interval_widening(problem: PowerProblem, fit: PowerFit) -> dict[str, float]:
     values = {name: value_of(refit, name) for name in noise.deviation if name != "ambient_degC"}
     surprises = [_surprises(problem, fit, rows, values, noise) for rows in sides(problem)]
     return {name: _ratio([surprise[name] for surprise in surprises if name in surprise]) for name in values}
-
-
-def widening_notes(factors: Mapping[str, float]) -> tuple[str, ...]:
-    """Report which intervals were widened."""
-    widest = {name: factor for name, factor in factors.items() if factor > _TOLD and name != RATIO}
-    if not widest:
-        return ()
-    listed = ", ".join(f"{NOMENCLATURE[name][1]} {factor:.2g}-fold" for name, factor in widest.items())
-    return (f"Intervals were widened, {listed}: the halves of the log differ more than their noise explains.",)
 
 
 def said_by_halves(
@@ -454,18 +444,6 @@ def _said(half: Half, name: str, sign: float, whole: float, missed: float) -> fl
 def _beyond_noise(size: float, limit: float) -> float:
     """Return how much of a size noise does not explain: 0 up to its 95 % limit, 1 from half as much again on."""
     return float(np.clip((size - limit) / (_SURE * limit), 0.0, 1.0)) if limit > 0.0 else float(size > 0.0)
-
-
-def halves_notes(before: Mapping[str, Interval], after: Mapping[str, Interval | None]) -> Iterator[str]:
-    """Report the intervals that were widened to contain the results of each half of the log."""
-    widest = [NOMENCLATURE[name][1] for name, end in before.items()
-              if (counterpart := after.get(name)) is not None and _width(counterpart) > _TWICE * _width(end)]
-    if widest:
-        yield f"Intervals hold what each half of the log says alone, and are wider for it: {', '.join(widest)}."
-
-
-def _width(interval: Interval) -> float:
-    return math.inf if interval.low is None or interval.high is None else interval.high - interval.low
 
 
 def _ratio(squares: list[float]) -> float:
@@ -646,25 +624,14 @@ def _by_two_lags(
     own = interval_widening(problem, fit)
     factors = {name: max(own[name], wider.get(name, 1.0)) for name in own}
     ci95 = intervals_by(problem, fit, [factors], seed=seed)[0]
-    shown = _with_both(half_rule_intervals(fit.model, ci95), half_rule_by_draws(problem, fit, factors, seed=seed))
-    if validation is None or not all(_starts_alike(problem, fit, start, shown) for start in starts):
+    shown = hull_of_each(half_rule_intervals(fit.model, ci95), half_rule_by_draws(problem, fit, factors, seed=seed))
+    if validation is None or not all(starts_alike(problem, fit, start, shown) for start in starts):
         known = {name: inside for name, inside in single.ci95.items() if inside is not None}
-        return single._replace(ci95={**single.ci95, **_with_both(known, shown)}, ratio=hull(single.ratio, shown[RATIO]))
+        both = {**single.ci95, **hull_of_each(known, shown)}
+        return single._replace(ci95=both, ratio=hull(single.ratio, shown[RATIO]))
     reported = {name: shown.get(name) for name in FIELDS}
     return _Shown(1, fit.model.half_rule(), reported, validation, (TWO_LAGS_SHOWN, *widening_notes(own)), shown[RATIO],
                   alone=ci95)
-
-
-def _with_both(ci95: Mapping[str, Interval], others: Mapping[str, Interval]) -> dict[str, Interval]:
-    return {name: hull(inside, others[name]) if name in others else inside for name, inside in ci95.items()}
-
-
-def _starts_alike(problem: PowerProblem, fit: PowerFit, start: Rival, ci95: Mapping[str, Interval]) -> bool:
-    """Return whether two lags with another start explain the log worse, or by a heater within the intervals."""
-    other = replace(start.problem, two_lags=True)
-    refit = min((other.fit(), other.refine(fit.vector[None, :])), key=lambda trial: bic_of(other, trial))
-    return (refit.model is None or bic_of(other, refit) > bic_of(problem, fit) + _NEAR
-            or lies_inside(refit.model.half_rule(), ci95))
 
 
 def fit_extended(logs: Sequence[Explanation], extended: Sequence[LossFit | TwoScaleFit]) -> FittedModel:

@@ -43,8 +43,8 @@ from heatertune.model.statistics import (
 
 __all__ = [
     "LEAST_FREEDOM", "READINGS", "STEPS", "AtEnd", "ParameterNoise", "bound_crossing", "bounds_of", "colour",
-    "distinct_candidates", "ends_of", "fit_at_value", "fits_of_period", "half_rule_by_draws", "halves_of", "intervals",
-    "intervals_by",
+    "distinct_candidates", "ends_of", "fit_at_value", "fits_of_period", "half_rule_by_draws", "halves_of",
+    "hull_of_each", "intervals", "intervals_by",
     "noise_of", "parameters_with_ends", "periods_of", "reaches", "sensitivities", "squares_at", "value_of",
 ]
 
@@ -236,6 +236,11 @@ def half_rule_by_draws(
     best = half_rules(fit.vector[None, :], fit.linear[None, GAIN])
     return {name: interval(_spread(name, values, float(best[name][0]), factors.get(name, 1.0)), 0.0, math.inf)
             for name, values in half_rules(vectors, linear[:, GAIN]).items()}
+
+
+def hull_of_each(ci95: Mapping[str, Interval], others: Mapping[str, Interval]) -> dict[str, Interval]:
+    """Return the narrowest interval of each parameter that holds both; those of which there is no other stay."""
+    return {name: hull(inside, others[name]) if name in others else inside for name, inside in ci95.items()}
 
 
 def _resampled_fits(problem: PowerProblem, fit: PowerFit, seed: int) -> tuple[Array, Array]:
