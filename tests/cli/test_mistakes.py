@@ -17,6 +17,8 @@ MISTAKES = [
     ('fti table4', "unknown command 'fti': did you mean fit?"),
     ('verfy pid.json', "unknown command 'verfy': did you mean verify?"),
     ('export pid.json', 'did you mean export-db?'),
+    ('encode pid.json', 'did you mean export-db?'),  # as the function of Python is called
+    ('prove words.json', 'did you mean verify?'),
     ('target', 'did you mean targets?'),
     ('tabel4', 'did you mean heatertune design table4 --target NAME?'),
     ('oven.csv', 'did you mean heatertune design oven.csv --target NAME?'),

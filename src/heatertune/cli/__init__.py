@@ -36,6 +36,10 @@ _FIRST: Final = {
     "decode": "the parameters of a running controller, and their proof",
 }
 
+#: function of Python → the command that does it
+_FUNCTIONS: Final = {"encode": "export-db", "prove": "verify", "export": "export-db", "front": "pareto",
+                     "read_log": "read", "write_report": "report", "virtual_plc": "simulate", "read_zones": "design"}
+
 #: exit status of a crash, as EX_SOFTWARE of sysexits.h
 FAULT: Final = 70
 
@@ -138,7 +142,9 @@ def _run(arguments: tuple[str, ...]) -> int:
         return 0
     arguments = _as_help(arguments)
     if not arguments[0].startswith("-") and arguments[0] not in COMMAND_MODULES:
-        near = did_you_mean(arguments[0], (*COMMAND_MODULES, "help"))
+        command_name = _FUNCTIONS.get(arguments[0])
+        near = f": did you mean {command_name}?" if command_name else did_you_mean(
+            arguments[0], (*COMMAND_MODULES, "help"))
         log = arguments[0] if Path(arguments[0]).is_file() else closest(arguments[0], BUILT_IN)
         near = near or (f": did you mean heatertune design {log} --target NAME?" if log else "")
         raise InputError(f"unknown command {arguments[0]!r}{near} (see: heatertune --help)")

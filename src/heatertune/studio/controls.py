@@ -66,7 +66,9 @@ window.studio = {
     const chart = getElement(id)?.chart;
     if (!Number.isFinite(chart?.drawnTo)) { this.draw(id, {...options, title: {text: ''}}); return; }
     const o = this.functions(options), wide = chart.getWidth(), ink = o.yAxis[0].nameTextStyle.color;
-    const text = (x, y, words, anchor = 'middle') => `<text x="${x}" y="${y}" text-anchor="${anchor}">${words}</text>`;
+    const plain = words => String(words).replace(/[&<>]/g, sign => `&#${sign.charCodeAt(0)};`);
+    const text = (x, y, words, anchor = 'middle') =>
+      `<text x="${x}" y="${y}" text-anchor="${anchor}">${plain(words)}</text>`;
     const grids = o.grid.map((grid, place) => {
       const {left, top, height} = grid, across = wide - left - grid.right, axis = o.yAxis[place];
       const shown = [0, across].map(x => chart.convertFromPixel({xAxisIndex: place}, left + x) / chart.drawnTo);
