@@ -9,15 +9,10 @@ from __future__ import annotations
 import asyncio
 import io
 import logging
-import os
-import sys
-import threading
 import time
 import zipfile
 from collections.abc import Callable, Coroutine, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from contextvars import copy_context
 from typing import Any, Final, Protocol
 
 from heatertune.chain.documents import words_document
@@ -142,8 +137,6 @@ _SEEK_S: Final = 1.0  # who looks at a FAIL for so long may want to know what wo
 _TICK_S: Final = 0.2  # between two looks at how far something is, each of which a browser draws
 _LIVE_S: Final = 0.5  # between two pictures of a loop that is being recorded
 
-_NICER: Final = 10  # by so much proofs give way
-
 _log: Final = logging.getLogger(__name__)
 
 
@@ -174,20 +167,6 @@ def _note_end(task: asyncio.Task[Any]) -> None:
     """Take the exception of a task, which nobody waits for any more where the studio ends meanwhile."""
     if not task.cancelled():
         task.exception()
-
-
-def _give_way() -> None:
-    """Let this thread, and those that it begins, give way to what the page waits for."""
-    if sys.platform == "linux":  # elsewhere threads have no priority of their own
-        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICER)
-
-
-_BEHIND: Final = ThreadPoolExecutor(8, "behind", _give_way)
-
-
-async def _behind(work: Callable[..., Any], *arguments: Any) -> Any:
-    """Return what a function gives in a thread that gives way to the page."""
-    return await asyncio.get_running_loop().run_in_executor(_BEHIND, copy_context().run, work, *arguments)
 
 
 class Work:
@@ -361,7 +340,7 @@ class Work:
             if self.session.key != key:
                 return None
             if task is None and time.monotonic() >= self._moved_at + _REST_S:
-                task = asyncio.create_task(_behind(first_look, fitted, look.settings, look.gains))
+                task = asyncio.create_task(asyncio.to_thread(first_look, fitted, look.settings, look.gains))
                 task.add_done_callback(_note_end)
             await self._move_or_tick(task)
         return task.result()
@@ -636,7 +615,7 @@ class Work:
             with interruptible(check):
                 return run(tell)
 
-        task = asyncio.create_task(_behind(work))
+        task = asyncio.create_task(asyncio.to_thread(work))
         task.add_done_callback(_note_end)
         while not task.done():
             self._moved.clear()
