@@ -11,6 +11,7 @@ from tests.conftest import heater_log
 
 import heatertune as ht
 from heatertune.errors import DocumentError, InputError
+from heatertune.plc import controller_for
 from heatertune.plc.ramp import Boost, Ramp
 
 
@@ -96,13 +97,24 @@ def test_values_are_tables_of_pandas(values):
 def test_a_value_is_shown_in_one_line_and_its_summary_begins_with_the_point(values):
     for value in (*values.values(), values["proof"].trace(0)):
         assert "\n" not in repr(value)
-    for name, most in (("log", 200), ("model", 200), ("design", 120), ("words", 120), ("proof", 120)):
+    for name, most in (("log", 200), ("model", 200), ("design", 120), ("proof", 120)):
         assert len(repr(values[name])) < most
     assert repr(values["proof"]).startswith(f"<Proof {values['proof'].verdict} of s5-ob251 at")
     assert values["model"].summary().splitlines()[0] == repr(values["model"])
     assert values["proof"].summary().startswith(values["proof"].verdict)
     assert len(values["model"].summary().splitlines()) <= 30
     assert set(values["model"].notes) <= {line.removeprefix("- ") for line in values["model"].summary(verbose=True).splitlines()}
+
+
+def test_the_text_of_words_tells_them_apart(values):
+    """Runs are reused, and stored proofs recognised, by this text: a shorter one let words with a ramp have the runs without."""
+    words = values["words"]
+    ramp = controller_for(words.target).ramp(words, 6.0)
+    some = [words, replace(words, ramp=ramp), replace(words, ramp=controller_for(words.target).ramp(words, 12.0)),
+            replace(words, scaling=replace(words.scaling, high_degC=words.scaling.high_degC + 1.0)),
+            replace(words, sample_time_s=2.0 * words.sample_time_s),
+            *(replace(words, values={**words.values, name: value + 1}) for name, value in words.values.items())]
+    assert len(set(map(repr, some))) == len(some)
 
 
 def test_the_result_of_a_design_and_the_program_behind_it_are_shown_in_one_line(values):

@@ -49,7 +49,6 @@ FLOATS: Final[Mapping[str, str]] = {"REAL": "a number in single precision", "LRE
 #: of a sensor range [°C]: below, a reading is noise alone; no furnace is hotter than the upper one
 _LEAST_SPAN_DEGC: Final = 1e-3
 _MOST_SPAN_DEGC: Final = 1e5
-_NAMED: Final = 8  # values in one line
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -158,12 +157,6 @@ class Words(NotebookDisplay):
     def __post_init__(self) -> None:
         if self.ramp is not None and self.boost is not None:
             raise InputError("a setpoint ramp and a boost: words have one of them")
-
-    def __repr__(self) -> str:
-        """Return controller and values in one line; `summary()` has the rest."""
-        values = ", ".join(f"{name} {value:g}" for name, value in [*self.values.items()][:_NAMED])
-        more = f", … ({len(self.values)} in all)" if len(self.values) > _NAMED else ""
-        return f"<Words {self.target}: {values}{more}, TA {self.sample_time_s:g} s>"
 
     @property
     def whole(self) -> Mapping[str, int]:
