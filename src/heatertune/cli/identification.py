@@ -142,9 +142,7 @@ def add_plan(commands: Any) -> None:
         description="Propose the doublet or relay test that identifies a heater best within a temperature limit, and "
                     "predict the intervals before anything is heated.",
     )
-    command.add_argument("model", metavar="MODEL", nargs="?",
-                         help="model.json as written by fit, the folder of a design, or a log that fit reads without "
-                              "options")
+    command.add_argument("model", metavar="MODEL", nargs="?", help="model.json, folder of a design, or a log")
     command.add_argument("-o", "--out", metavar="FILE", help="write the schedule to this CSV; or the relay's settings")
     _add_prior_options(command)
     group = command.add_argument_group("the experiment")
