@@ -608,21 +608,21 @@ def _tasmota(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
 
 
 _SENML: Final = frozenset(("bn", "bu", "bs", "bver", "n", "u", "vs", "vb", "vd", "s", "ut"))  # RFC 8428: other labels
-_SENML_NUMBERS: Final = ("v", "t", "bt", "bv")
+_SENML_NUMBERS, _SENML_UNITS = ("v", "t", "bt", "bv"), {"Cel": " [degC]", "/": " [0...1]", "": ""}
 
 
 def _senml(_: Path, numbered: Sequence[Line], __: str | None) -> FormatTable:
     """Return the values of SenML (RFC 8428) as a long table: what is base holds until another follows."""
-    rows, source, begin, usual, offset = list[list[str]](), "", 0.0, "", 0.0
-    for record in _senml_records(numbered):
-        source, begin = record.get("bn", source), record.get("bt", begin)
-        usual, offset = record.get("bu", usual), record.get("bv", offset)
-        unit, value = str(record.get("u", usual)), record.get("v", record.get("vb"))
+    rows, records, base = list[list[str]](), _senml_records(numbered), list[Any](("", 0.0, "", 0))
+    for record in records:
+        base = [record.get(label, value) for label, value in zip(("bn", "bt", "bu", "bv"), base, strict=True)]
+        source, begin, usual, offset = base
+        value = record["v"] + offset if "v" in record else record.get("vb")  # without a number: no reading, or a text
         if value is not None:
-            unit = {"Cel": " [degC]", "/": " [0...1]", "": ""}.get(unit, f" [{unit}]")
-            name = f"{source}{record.get('n', '')}{unit}"
-            rows.append([repr(begin + record.get("t", 0.0)), name, f"{value + offset if offset else value}"])
-    return FormatTable(_LONG, rows, list(range(1, len(rows) + 1)), [f"SenML: {count(len(rows), 'value')} read."])
+            unit = _SENML_UNITS.get(str(record.get("u", usual)), f" [{record.get('u', usual)}]")
+            rows.append([repr(begin + record.get("t", 0.0)), f"{source}{record.get('n', '')}{unit}", f"{value}"])
+    return FormatTable(_LONG, rows, list(range(1, len(rows) + 1)), [
+        f"SenML: {count(len(rows), 'value')} read, {len(records) - len(rows)} records without one passed over."])
 
 
 def _senml_records(lines: Sequence[Line]) -> list[Any]:
